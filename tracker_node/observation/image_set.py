@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .keypoints.people import People
+
 ENCODINGS = {"bgr8": 3, "rgb8": 3, "mono8": 1}
 
 
@@ -14,13 +16,15 @@ class CameraImage:
     """One image of one camera.
 
     ``pixels`` is uint8, (height, width, 3) for ``bgr8``/``rgb8``, (height, width) for ``mono8``; it may be a read-only view.
-    ``stamp_ns`` is the time of exposure in integer nanoseconds.
+    ``stamp_ns`` is the time of exposure in integer nanoseconds. ``people`` is what a detector has found in it; None: none has
+    looked.
     """
 
     camera: str
     stamp_ns: int
     pixels: np.ndarray
     encoding: str = "bgr8"
+    people: People | None = None
 
     def __post_init__(self):
         if self.encoding not in ENCODINGS:

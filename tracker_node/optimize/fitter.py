@@ -130,6 +130,7 @@ class Fitter:
         stages: Sequence[Stage],
         priors: Sequence[Prior] = (),
         others: Sequence[LeastSquaresObjective] = (),
+        independent: Sequence[LeastSquaresObjective] = (),
     ) -> Fit:
         """Run all stages from ``start``.
 
@@ -140,6 +141,7 @@ class Fitter:
         stages : one after the other, at least one.
         priors : in the unit of the correspondences.
         others : correspondences that hold throughout; each of them, and the leading ones, count by an equal share.
+        independent : correspondences that hold throughout and see something else: they count in full.
 
         Returns
         -------
@@ -147,7 +149,8 @@ class Fitter:
         """
         chain = self._model.chain
         state, iterations, evaluations, comparison = clip_to_limits(start, chain), 0, 0, None
-        factors = [1.0 / (1 + len(others))] * (1 + len(others)) + [1.0] * len(self._constraints)
+        beside = [*independent, *self._constraints]
+        factors = [1.0 / (1 + len(others))] * (1 + len(others)) + [1.0] * len(beside)
         found: Correspondences | None = None
         result: OptimizerResult | None = None
         for stage in stages:
@@ -157,7 +160,7 @@ class Fitter:
                 if stage.renew or found is None:
                     found = lead.correspond(state, stage.detail)
                 own = found if stage.links is None else _on_links(found, stage.links)
-                whole = SumObjective([own, *others, *self._constraints], factors, priors)
+                whole = SumObjective([own, *others, *beside], factors, priors)
                 objective = whole if stage.dofs is None else Masked(whole, stage.dofs)
                 if stage.solver is not None:
                     result = minimize(objective, state, chain, stage.solver)
@@ -168,7 +171,7 @@ class Fitter:
                 else:
                     equations = objective.linearize(state)
                     if stage.compares and comparison is None:
-                        alone = equations if not others else SumObjective([own], priors=priors).linearize(state)
+                        alone = equations if not (others or independent) else SumObjective([own], priors=priors).linearize(state)
                         comparison = Comparison(state, alone, found.camera_equations(state))
                     if stage.curvature < 1.0:
                         equations = _curved(equations, found.linearize(state), factors[0] * (1.0 - stage.curvature))

@@ -14,10 +14,11 @@ from ..errors import FileFormatError
 from .parameters import built, named, nested, parameter, value_of
 from .renamed import refuse_renamed
 
-REGION, CHAMFER, COLOR, TEXTURE, COLOR_OVER_BACKGROUND = MODALITIES = (
-    "region", "chamfer", "color", "texture", "color_over_background",
+REGION, CHAMFER, KEYPOINTS, COLOR, TEXTURE, COLOR_OVER_BACKGROUND = MODALITIES = (
+    "region", "chamfer", "keypoints", "color", "texture", "color_over_background",
 )  # fmt: skip
 CONTOURS, COLORS = (REGION, CHAMFER), (COLOR, TEXTURE, COLOR_OVER_BACKGROUND)
+GEOMETRIC = (*CONTOURS, KEYPOINTS)  # residuals in pixels over their standard deviations
 # Tags of parameters that belong to no single modality.
 ALONE, MIXED, JOINT = "colors alone", "colors with contours", "colors with contours in one problem"
 
@@ -157,23 +158,42 @@ class ChamferConfig:
 
 
 @dataclass(frozen=True)
+class KeypointConfig:
+    """Points and silhouettes that a detector finds of people."""
+
+    covariance_scale: float = parameter(1.0, "factor of the covariances that the detector states", "1", 0.0, 1e4)
+    sigma_share: float = parameter(
+        0.012, "least standard deviation of a point, as a share of the person's size in the image", "1", 1e-4, 1.0
+    )
+    outlier_fraction: float = parameter(0.1, "share of points that are anywhere at all", "1", 1e-4, 0.99)
+    offset_scale: float = parameter(1.0, "factor of the spread of offsets between points and landmarks", "1", 1e-3, 100.0)
+    wobble_m: float = parameter(0.02, "how far points move on the body with its pose, as a standard deviation", "m", 0.0, 1.0)
+    least_offset_sigma_m: float = parameter(0.005, "the least that is believed of an offset", "m", 1e-5, 1.0)
+    correlation_sets: float = parameter(10.0, "how many image sets in a row share one error of a point", "image sets", 1.0, 1e4)
+    silhouette_share: float = parameter(
+        0.5, "factor of the log odds of the detector's silhouettes, beside contours; 0: they are not used", "1", 0.0, 10.0
+    )
+    silhouette_limit: float = parameter(2.0, "largest log odds of a silhouette's pixel", "1", 0.0, 20.0)
+
+
+@dataclass(frozen=True)
 class MotionConfig:
     """Prediction between image sets, and the priors that go with it.
 
     The noise is that of a white acceleration, the memory how long a velocity lasts: see `tracking.motion.dynamics`.
     """
 
-    root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6, of=CONTOURS)
-    root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6, of=CONTOURS)
-    joint_noise: float = parameter(25.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6, of=CONTOURS)
-    root_position_time_constant_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3, of=CONTOURS)
+    root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
+    root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
+    joint_noise: float = parameter(25.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
+    root_position_time_constant_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3, of=GEOMETRIC)
     root_angle_time_constant_s: float = parameter(
         0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3, of=CONTOURS
     )
-    joint_time_constant_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3, of=CONTOURS)
+    joint_time_constant_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3, of=GEOMETRIC)
     smoother_noise: float = parameter(
         0.4, "share of the noise that motions have; the rest is there so that kicks are not held back, and left out in smoothing",
-        "1", 1e-3, 1e3, of=CONTOURS)  # fmt: skip
+        "1", 1e-3, 1e3, of=GEOMETRIC)  # fmt: skip
     velocity_gain: float = parameter(
         0.8,
         "how fast the velocity follows the measured one, in engines that do not tell how sure they are",
@@ -358,8 +378,8 @@ class TrackerConfig:
     modalities: tuple[str, ...] = parameter(
         (REGION,),
         "what images are compared by. region: where colors change along the contour's normals; chamfer: distances to silhouettes"
-        " and edges; color: the colors of the parts; texture: textures on the faces of boxes; color_over_background: parts of one"
-        " color over images of the background",
+        " and edges; keypoints: points and silhouettes of a detector of people; color: the colors of the parts; texture: textures"
+        " on the faces of boxes; color_over_background: parts of one color over images of the background",
         choices=MODALITIES,
     )
     combination: str = parameter(
@@ -370,6 +390,7 @@ class TrackerConfig:
     background: BackgroundConfig = field(default_factory=BackgroundConfig, metadata={"of": CONTOURS})
     region: RegionConfig = field(default_factory=RegionConfig, metadata={"of": (REGION,)})
     chamfer: ChamferConfig = field(default_factory=ChamferConfig, metadata={"of": (CHAMFER,)})
+    keypoints: KeypointConfig = field(default_factory=KeypointConfig, metadata={"of": (KEYPOINTS,)})
     color: ColorConfig = field(default_factory=ColorConfig, metadata={"of": (COLOR,)})
     texture: TextureConfig = field(default_factory=TextureConfig, metadata={"of": (TEXTURE,)})
     color_over_background: ColorOverBackgroundConfig = field(
@@ -377,11 +398,11 @@ class TrackerConfig:
     )
     joint: JointConfig = field(default_factory=JointConfig, metadata={"of": (JOINT,)})
     motion: MotionConfig = field(default_factory=MotionConfig)
-    collision: CollisionConfig = field(default_factory=CollisionConfig, metadata={"of": CONTOURS})
+    collision: CollisionConfig = field(default_factory=CollisionConfig, metadata={"of": GEOMETRIC})
     status: StatusConfig = field(default_factory=StatusConfig, metadata={"of": (REGION,)})
     limb_search: LimbSearchConfig = field(default_factory=LimbSearchConfig, metadata={"of": (REGION,)})
     initialization: InitializationConfig = field(default_factory=InitializationConfig)
-    self_check: SelfCheckConfig = field(default_factory=SelfCheckConfig, metadata={"of": CONTOURS})
+    self_check: SelfCheckConfig = field(default_factory=SelfCheckConfig, metadata={"of": GEOMETRIC})
     threads: int = parameter(2, "worker threads; sums are in fixed order whatever their number", "", 1, 64)
 
     @property
@@ -423,6 +444,8 @@ def checked_combination(config: TrackerConfig, source: str) -> TrackerConfig:
         raise FileFormatError(source, "modalities", expected, list(names))
     if sum(name in COLORS for name in names) > 1:
         raise FileFormatError(source, "modalities", f"at most one of {', '.join(COLORS)}", list(names))
+    if KEYPOINTS in names and set(names) - {REGION, KEYPOINTS}:
+        raise FileFormatError(source, "modalities", "keypoints alone, or with region", list(names))
     if JOINT in config.tags and config.colors != COLOR:
         expected = f"sequential with the modality {config.colors}: only color is fitted jointly with contours"
         raise FileFormatError(source, "combination", expected, config.combination)

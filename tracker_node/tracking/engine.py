@@ -24,7 +24,7 @@ from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from .assessment import Assessment, Report
 from .config import JointConfig
 from .estimate import Status
-from .modality import Images, Modality
+from .modality import Images, Modality, PeopleSeen, Persons
 from .motion.model import ExposureDelays
 
 
@@ -104,6 +104,28 @@ class Judge(Protocol):
         ...
 
 
+class Choice(Protocol):
+    """Chooses who of the people in the images is the body."""
+
+    def reset(self) -> None:
+        """Forget everything."""
+        ...
+
+    def choose(self, people: PeopleSeen, expected: State) -> Persons:
+        """The body in each camera.
+
+        Parameters
+        ----------
+        people : whom a detector has found, by camera.
+        expected : where the body is expected.
+
+        Returns
+        -------
+        By camera; None where nobody is the body.
+        """
+        ...
+
+
 class Engine:
     """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`.
 
@@ -113,10 +135,14 @@ class Engine:
     solver, judge : of the same modalities.
     in_information_units : whether the normal equations of fits are those of minus twice a log posterior, so that a filter can use
         them.
+    choice : says who the body is; None: no modality looks at people.
     """
 
-    def __init__(self, modalities: Sequence[Modality], solver: Solver, judge: Judge, in_information_units: bool):
-        self.modalities, self.solver, self.judge = tuple(modalities), solver, judge
+    def __init__(
+        self, modalities: Sequence[Modality], solver: Solver, judge: Judge, in_information_units: bool,
+        choice: Choice | None = None,
+    ):  # fmt: skip
+        self.modalities, self.solver, self.judge, self._choice = tuple(modalities), solver, judge, choice
         self.in_information_units = in_information_units
         self._weights: np.ndarray | None = None
 
@@ -126,9 +152,11 @@ class Engine:
             modality.reset()
         self.judge.reset()
         self.solver.reset()
+        if self._choice is not None:
+            self._choice.reset()
         self._weights = None
 
-    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
+    def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
         """Learn what is needed from the first image set: learn, fit, and learn again, since the first pose given is rarely exact.
 
         What a tracked body has taught is kept.
@@ -138,6 +166,7 @@ class Engine:
         images : in which the body is near ``start``.
         start : where the body is said to be.
         known : the body is just there, as another tracker has found it, and nothing is fitted.
+        people : whom a detector has found, by camera; empty where none is used.
 
         Returns
         -------
@@ -152,14 +181,16 @@ class Engine:
         for i, lesson in enumerate(lessons):
             lead.learn_first(images, start, lesson)
             if i < len(lessons) - 1:
-                self.observe(images, start)
+                self.observe(images, start, people=people)
                 start = self.fit(start, first=True).state
         for other in others:
             for lesson in other.lessons(True)[-1:]:
                 other.learn_first(images, start, lesson)
         return start
 
-    def observe(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+    def observe(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, people: PeopleSeen = ()
+    ) -> None:
         """Take the images of a set.
 
         Parameters
@@ -167,9 +198,11 @@ class Engine:
         images : by camera.
         expected : where the body is expected; None: not known, and nothing is compared.
         delays : when each camera exposes; None: all at one time.
+        people : whom a detector has found, by camera; empty where none is used.
         """
+        persons = () if self._choice is None or expected is None else self._choice.choose(people, expected)
         for modality in self.modalities:
-            modality.set_images(images, expected, delays)
+            modality.set_images(images, expected, delays, persons)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit the body by the engine's solver.
@@ -257,12 +290,12 @@ class SequentialEngine:
         self._first.reset()
         self._second.reset()
 
-    def begin(self, images: Images, start: State, *, known: bool = False) -> State:
+    def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
         """The second learns where the first has led.
 
         Parameters
         ----------
-        images, start, known : see `Engine.begin`.
+        images, start, known, people : see `Engine.begin`.
 
         Returns
         -------
@@ -271,12 +304,14 @@ class SequentialEngine:
         start = self._first.begin(images, start, known=known)
         return self._second.begin(images, start, known=known)
 
-    def observe(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+    def observe(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, people: PeopleSeen = ()
+    ) -> None:
         """What the second sees depends on what the first has found, and is taken in `fit`.
 
         Parameters
         ----------
-        images, expected, delays : see `Engine.observe`.
+        images, expected, delays, people : see `Engine.observe`; colors have no part in what a detector says.
         """
         self._images, self._delays, self._waiting = images, delays, expected is None
         self._first.observe(images, expected, delays)

@@ -8,13 +8,18 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
+from ..model.humans.keypoints import BLAZEPOSE
 from ..parallel import Workers
 from ..render.occluders import Occluders
 from .chamfer.fitting import ChamferFitting
 from .chamfer.judge import ChamferJudge
 from .chamfer.modality import FINE, ChamferModality
-from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, REGION, TEXTURE, ColorConfig, TrackerConfig
+from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, KEYPOINTS, REGION, TEXTURE, ColorConfig, TrackerConfig
 from .engine import AnyEngine, Engine, JointEngine, SequentialEngine
+from .keypoints.choice import PersonChoice
+from .keypoints.fitting import KeypointFitting
+from .keypoints.judge import KeypointJudge
+from .keypoints.modality import KeypointModality
 from .limbs.judge import LimbJudge
 from .modality import Modality
 from .region.area import RegionArea
@@ -45,6 +50,10 @@ def make_engine(
     ModelError : the body does not suit a modality.
     """
     workers, occluders = Workers(config.threads), occluders or Occluders(None, rig)
+    if not config.contours and KEYPOINTS in config.modalities:
+        points = KeypointModality(rig, model, config.keypoints, BLAZEPOSE)
+        judge = KeypointJudge(rig, model, config)
+        return Engine([points], KeypointFitting(model, config, points), judge, True, PersonChoice(rig, points))
     if config.colors is None:
         return contour_engine(rig, model, config, backgrounds, workers, occluders)
     if config.colors == TEXTURE:
@@ -87,12 +96,15 @@ def contour_engine(
         judge = ChamferJudge(rig, config.chamfer, chamfer)
         return Engine([chamfer], ChamferFitting(model, config, chamfer), judge, True)
     region = RegionModality(rig, model, config, workers.map, occluders, backgrounds)
-    fitting = RegionFitting(model, config, region, None if chamfer is None else (chamfer, FINE))
+    points = KeypointModality(rig, model, config.keypoints, BLAZEPOSE) if KEYPOINTS in config.modalities else None
+    fitting = RegionFitting(model, config, region, None if chamfer is None else (chamfer, FINE), points)
     limbs = LimbJudge(model, config.status)
     area = RegionArea(rig, model, config, region, workers)
-    modalities: list[Modality] = [region] if chamfer is None else [region, chamfer]
-    solver = Reacquisition(rig, model, config, limbs, fitting, area)
-    return Engine(modalities, solver, RegionJudge(rig, model, config, fitting, limbs), True)
+    modalities: list[Modality] = [region, *(each for each in (chamfer, points) if each is not None)]
+    of_points = None if points is None else KeypointFitting(model, config, points)
+    solver = Reacquisition(rig, model, config, limbs, fitting, area, of_points)
+    choice = None if points is None else PersonChoice(rig, points)
+    return Engine(modalities, solver, RegionJudge(rig, model, config, fitting, limbs), True, choice)
 
 
 def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, workers: Workers) -> Engine:

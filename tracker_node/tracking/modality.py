@@ -9,10 +9,15 @@ import numpy as np
 
 from ..model.configuration import State
 from ..objective.normal_equations import Correspondences
+from ..observation.keypoints.people import People, Person
 from .motion.model import ExposureDelays
 
 Images = Sequence[np.ndarray | None]
 """BGR pixels (h, w, 3) uint8 per camera of the rig, None where the set has none."""
+PeopleSeen = Sequence[People | None]
+"""Whom a detector has found in each camera of the rig, None where it has not looked; empty where no detector is used."""
+Persons = Sequence[Person | None]
+"""The body as a detector has found it in each camera of the rig, None where it has not; empty where no detector is used."""
 
 
 class Modality(Protocol):
@@ -43,7 +48,9 @@ class Modality(Protocol):
         """
         ...
 
-    def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+    def set_images(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
+    ) -> None:
         """Take the images of the next set.
 
         Parameters
@@ -51,6 +58,7 @@ class Modality(Protocol):
         images : of all cameras, at one stamp or nearly.
         expected : where the body is expected; None: not known, and nothing is compared.
         delays : when each camera exposes; None: all at the stamp.
+        persons : the body as a detector has found it.
         """
         ...
 

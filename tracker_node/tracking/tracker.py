@@ -15,6 +15,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..objective.constraints.prior import Prior
 from ..observation.image_set import ImageSet
+from ..observation.keypoints.crop import Crop
 from ..optimize.fitter import Fit, at_state
 from ..optimize.levenberg_marquardt import clip_to_limits
 from ..parallel import Workers
@@ -26,6 +27,7 @@ from .engines import make_engine
 from .estimate import GRAY_LEVELS, PX, CameraFault, LimbStatus, Status, Timings, TrackEstimate
 from .initialization.detector import body_size
 from .initialization.initializer import NOT_GIVEN, Initializer
+from .keypoints.crops import crops_of
 from .modality import Images
 from .motion.model import ExposureDelays, MotionModel, Prediction
 from .self_check import SelfCheck, SelfCheckOptions
@@ -176,6 +178,23 @@ class Tracker:
         self._check.skip()
         return replace(estimate, faults=self._check.faults)
 
+    def expected_crops(self, stamp_ns: int) -> list[Crop | None]:
+        """Where a detector of people should look for the body.
+
+        Parameters
+        ----------
+        stamp_ns : of the images.
+
+        Returns
+        -------
+        A square in the image of each camera of the rig; None where the body is not known or not expected to be seen: the detector
+        is to look at the whole image.
+        """
+        prediction = self._track.motion.predict(stamp_ns)
+        if prediction is None and self._track.start is None:
+            return [None] * len(self.rig)
+        return crops_of(self.model, self.rig, self._expected(prediction))
+
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set."""
         began = time.perf_counter()
@@ -188,8 +207,9 @@ class Tracker:
         prediction = track.motion.predict(image_set.stamp_ns)
         first, predicted = prediction is None, self._expected(prediction)
         waiting = first and track.start is None
-        start = engine.begin(images, predicted) if first and not waiting else predicted
-        engine.observe(images, None if waiting else start, self._delays(image_set, prediction))
+        people = [None if image is None else image.people for image in map(image_set.get, self.rig.names)]
+        start = engine.begin(images, predicted, people=people) if first and not waiting else predicted
+        engine.observe(images, None if waiting else start, self._delays(image_set, prediction), people)
         observed = time.perf_counter()
         prior = prediction.prior() if prediction is not None and engine.in_information_units else None
         fit = engine.fit(start, first, prior)
@@ -220,7 +240,7 @@ class Tracker:
             second_order=second_order,
             score=fit.equations.cost,
             residual=report.residual,
-            residual_unit=PX if self.config.contours else GRAY_LEVELS,
+            residual_unit=GRAY_LEVELS if self.config.colors and not self.config.contours else PX,
             cameras=report.cameras,
             iterations=fit.iterations,
             evaluations=fit.evaluations,

@@ -93,19 +93,20 @@ RNG = np.random.default_rng(5)
 IMAGE = RNG.integers(0, 256, (24, 40, 3), dtype=np.uint8)
 BODY, SCENE = RNG.uniform(0.1, 2.0, (2, 4096)).astype(f32), RNG.uniform(0.1, 2.0, 4096).astype(f32)
 NO_ROOM = np.zeros((0, 0), dtype=u32)
+NO_SHAPE = np.zeros((0, 0), dtype=np.uint8), np.ones(256, dtype=f32)
 
 
-def read(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0):
+def read(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0, silhouette=NO_SHAPE):
     """Log-odds of one line that is the second of two, the first being left alone."""
     lines, plans = np.zeros((2, N_LINE_COLUMNS)), np.full((2, N_PLAN_COLUMNS), -1, dtype=np.int32)
     lines[1, 3:7], plans[1, [OWN, BEHIND, BEFORE]] = (u, v, nu, nv), plan
     odds = np.full((2, LONGEST), 99.0, dtype=f32)
-    lc.read_lines(IMAGE, BODY, SCENE, (room, 20.0), f32(0.4), f32(clamp), scale, half, lines, plans, 2, odds)
+    lc.read_lines(IMAGE, BODY, SCENE, (room, 20.0), silhouette, f32(0.4), f32(clamp), scale, half, lines, plans, 2, odds)
     assert np.all(odds[0] == 99.0)
     return odds[1, : plan[2] + 2 * half]
 
 
-def naive(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0):
+def naive(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0, silhouette=NO_SHAPE):
     """The same by its words: 2 half pixels about the sample, and those before them, each the nearest to its place."""
     own, behind, before = plan
     found = []
@@ -120,6 +121,8 @@ def naive(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0):
         other = float(SCENE[kind])
         if room.size:
             other = float(lc.other_density(bgr_word(b, g, r), room[i, j], SCENE[kind], f32(0.025), f32(0.4)))
+        if silhouette[0].size:
+            other *= float(silhouette[1][silhouette[0][i, j]])
         if behind >= 0:
             other = 0.5 * (other + float(BODY[behind, kind]))
         found.append(min(max(math.log(float(BODY[own, kind]) / other), -clamp), clamp))
@@ -134,6 +137,15 @@ def naive(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0):
 )  # fmt: skip
 def test_log_odds_of_each_pixel(plan, u, v, nu, nv, scale):
     np.testing.assert_allclose(read(u, v, nu, nv, plan, scale), naive(u, v, nu, nv, plan, scale), atol=1e-4)
+
+
+@pytest.mark.parametrize("plan", [(0, -1, 0), (0, 1, 0)])
+def test_a_silhouette_changes_the_odds_of_the_scene_alone(plan):
+    shown, against = RNG.integers(0, 256, IMAGE.shape[:2], dtype=np.uint8), np.linspace(4.0, 0.25, 256).astype(f32)
+    at = (20.2, 10.3, 0.6, 0.8, plan)
+    found = read(*at, silhouette=(shown, against))
+    np.testing.assert_allclose(found, naive(*at, silhouette=(shown, against)), atol=1e-4)
+    assert np.abs(found - read(*at)).max() > 0.2
 
 
 def test_log_odds_are_clamped_on_both_sides():

@@ -13,7 +13,7 @@ _HUE = np.float32(255.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def fill_log_ratios(bgr, log_body, scene, room, darkest, step, clamp, region, maps):
+def fill_log_ratios(bgr, log_body, scene, room, silhouette, darkest, step, clamp, region, maps):
     """Fill maps with the mean log(p_class / p_scene) of the colors in each cell of an image.
 
     Cells are ``bgr.shape[0] // h`` pixels high, or a little more.
@@ -22,7 +22,7 @@ def fill_log_ratios(bgr, log_body, scene, room, darkest, step, clamp, region, ma
     ----------
     bgr : (height, width, 3) uint8.
     log_body : (n_colors, n_classes) log densities.
-    scene, room, darkest : as in `lines.colors.read_lines`.
+    scene, room, silhouette, darkest : as in `lines.colors.read_lines`.
     step : every n-th pixel of a cell is read, in both directions.
     clamp : largest absolute log-ratio of a pixel.
     region : (u0, v0, u1, v1) cells that are filled.
@@ -31,6 +31,7 @@ def fill_log_ratios(bgr, log_body, scene, room, darkest, step, clamp, region, ma
     n_classes, height, width = maps.shape
     cell = np.empty(n_classes, dtype=np.float32)
     pixels, least_variance = room
+    shown, against = silhouette
     most = np.float32(0.5 / least_variance)
     rows, columns = bgr.shape[0] / height, bgr.shape[1] / width
     for i in range(region[1], region[3]):
@@ -45,7 +46,8 @@ def fill_log_ratios(bgr, log_body, scene, room, darkest, step, clamp, region, ma
                     color = (np.int64(b >> 4) << 8) | np.int64(g & 0xF0) | np.int64(r >> 4)
                     mean = pixels[v, u] if pixels.size > 0 else np.uint32(0)
                     packed = b | (g << np.uint32(8)) | (r << np.uint32(16))
-                    other = log_positive(other_density(packed, mean, scene[color], most, np.float32(darkest)))
+                    density = other_density(packed, mean, scene[color], most, np.float32(darkest))
+                    other = log_positive(density * against[shown[v, u]] if shown.size > 0 else density)
                     for k in range(n_classes):
                         cell[k] += min(max(log_body[color, k] - other, -clamp), clamp)
                     count += 1

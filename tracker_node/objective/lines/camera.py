@@ -19,7 +19,7 @@ def correspond_camera(
 
     Parameters
     ----------
-    view : (bgr, densities, room) of `draw_lines`.
+    view : (bgr, densities, room, silhouette) of `draw_lines`.
     cover : (h, w) depth of what stands before the body, of size zero where nothing does.
     classes : (n_shapes,) color classes.
     shapes, bounds : `ShapeArrays.packed`, `ShapeArrays.bounds`.
@@ -33,7 +33,7 @@ def correspond_camera(
     -------
     Number of lines.
     """
-    bgr, densities, room = view
+    bgr, densities, room, silhouette = view
     rows, pixels, info, lines = slot
     spheres = np.empty((Ts_shape.shape[0], 4))
     world_spheres(Ts_shape, bounds, spheres)
@@ -41,7 +41,10 @@ def correspond_camera(
     n = keep_inside(rows, pixels, info, n, bgr.shape[1], bgr.shape[0])
     if cover.size:
         n = drop_covered(cover, rows, pixels, info, n, 0.5 * outward_px)
-    draw_lines(bgr, densities, room, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options, lines)
+    draw_lines(
+        bgr, densities, room, silhouette, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options,
+        lines,
+    )  # fmt: skip
     sum_camera(lines, info, n, Ts_link, camera, options, sums)
     return n
 

@@ -75,7 +75,7 @@ def other_density(color, mean, of_scene, most, darkest):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def read_lines(bgr, body, scene, room, darkest, clamp, scale, half, lines, plan, n, odds):
+def read_lines(bgr, body, scene, room, silhouette, darkest, clamp, scale, half, lines, plan, n, odds):
     """Fill the clamped log(p_body / p_beyond) of each line's pixels; zero beyond the image.
 
     After the pixels before them, a line has 2 ``half`` about its sample, ``scale`` pixels apart.
@@ -85,6 +85,7 @@ def read_lines(bgr, body, scene, room, darkest, clamp, scale, half, lines, plan,
     bgr : (h, w, 3) uint8.
     body, scene : (n_classes, n_colors) and (n_colors,) densities per color bin.
     room : packed background, of size zero where nothing is known of it.
+    silhouette : `observation.region.silhouette.PackedSilhouette`, of size zero where there is none.
     darkest : fraction of the background's brightness below which a pixel is no shadow.
     clamp : largest absolute log-ratio.
     scale, half : pixels from place to place, and places on either side.
@@ -96,7 +97,9 @@ def read_lines(bgr, body, scene, room, darkest, clamp, scale, half, lines, plan,
     has_room, most = pixels.size > 0, np.float32(_HALF / np.float32(least_variance))
     colors, rooms = np.zeros(LONGEST, dtype=np.uint32), np.zeros(LONGEST, dtype=np.uint32)
     ours, scenes = np.ones(LONGEST, dtype=np.float32), np.ones(LONGEST, dtype=np.float32)
-    beyonds = np.zeros(LONGEST, dtype=np.float32)
+    beyonds, againsts = np.zeros(LONGEST, dtype=np.float32), np.ones(LONGEST, dtype=np.float32)
+    shown, against = silhouette
+    has_silhouette = shown.size > 0
     for line in range(n):
         own, behind, before = plan[line, OWN], plan[line, BEHIND], plan[line, BEFORE]
         nu, nv = lines[line, LINE_NU], lines[line, LINE_NV]
@@ -114,12 +117,13 @@ def read_lines(bgr, body, scene, room, darkest, clamp, scale, half, lines, plan,
             ours[k], scenes[k] = body[own, kind], scene[kind]
             beyonds[k] = body[behind, kind] if behind >= 0 else _ZERO
             rooms[k] = pixels[i, j] if has_room else np.uint32(0)
+            againsts[k] = against[shown[i, j]] if has_silhouette else _ONE
         weight = _HALF if behind >= 0 else _ONE
         for block in range(np.uint64((count + _BLOCK - 1) // _BLOCK)):
             for place in range(np.uint64(_BLOCK)):
                 at = block * np.uint64(_BLOCK) + place
                 other = other_density(colors[at], rooms[at], scenes[at], most, darkest)
-                other = weight * other + (_ONE - weight) * beyonds[at]
+                other = weight * other * againsts[at] + (_ONE - weight) * beyonds[at]
                 odds[line, at] = min(max(log_positive(ours[at] / other), -clamp), clamp)
         for k in range(first):
             odds[line, k] = _ZERO

@@ -16,6 +16,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...observation.region.background import NO_ROOM, PackedRoom
+from ...observation.region.silhouette import NO_SILHOUETTE, PackedSilhouette
 from ...render.contour.samples import most_samples
 from ...render.occluders import NOTHING
 from ...render.shape_arrays import ShapeArrays
@@ -82,11 +83,18 @@ class View:
     bgr : (h, w, 3) uint8.
     densities : color densities (body (n_classes, n_colors), scene).
     room : the background, `RegionBackground.packed`.
+    silhouette : which pixels show the body, by a network; of `observation.region.silhouette.packed`.
     """
 
     bgr: np.ndarray
     densities: tuple[np.ndarray, np.ndarray]
     room: PackedRoom = NO_ROOM
+    silhouette: PackedSilhouette = NO_SILHOUETTE
+
+    @property
+    def packed(self) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], PackedRoom, PackedSilhouette]:
+        """As the kernels take it."""
+        return self.bgr, self.densities, self.room, self.silhouette
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +203,8 @@ class LineDrawer:
             view, work, own = views[i], self._work[i], CameraSums.empty(n_links)
             assert view is not None
             n = correspond_camera(
-                (view.bgr, view.densities, view.room), self._covers[i], self._classes, self._arrays.packed, self._arrays.bounds,
-                bodies[i].Ts_world_shape, bodies[i].Ts_world_link, self._cameras[i], n_samples, self._options.outward_px, packed,
-                work, own.arrays,
+                view.packed, self._covers[i], self._classes, self._arrays.packed, self._arrays.bounds, bodies[i].Ts_world_shape,
+                bodies[i].Ts_world_link, self._cameras[i], n_samples, self._options.outward_px, packed, work, own.arrays,
             )  # fmt: skip
             _, _, info, drawn = work
             lines[i], sums[i] = CameraLines(drawn[:n].copy(), info[:n].copy(), self._cameras[i]), own

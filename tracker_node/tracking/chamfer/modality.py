@@ -16,7 +16,7 @@ from ...observation.chamfer.observer import Observation, Observer
 from ...render.occluders import Occluders, Sight
 from ...render.shape_arrays import ShapeArrays
 from ..config import ChamferConfig, TrackerConfig
-from ..modality import Images, cameras_in_turn
+from ..modality import Images, Persons, cameras_in_turn
 from ..motion.model import ExposureDelays
 
 COARSE, FINE = "coarse", "fine"
@@ -90,12 +90,14 @@ class ChamferModality:
 
         self._body.parallel(learn, _seen(images, sights))
 
-    def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+    def set_images(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
+    ) -> None:
         """Silhouettes, edges and their distances around the expected body.
 
         Parameters
         ----------
-        images, expected, delays : see `Modality.set_images`.
+        images, expected, delays, persons : see `Modality.set_images`.
         """
         self._delays = delays
         self.observations = [None] * len(self._rig)

@@ -13,7 +13,7 @@ from ...model.configuration import State
 from ...objective.normal_equations import LeastSquaresObjective
 from ...objective.points.photometry import PhotometryOptions, SurfaceCorrespondences, SurfacePhotometry
 from ..config import ColorOverBackgroundConfig
-from ..modality import Images
+from ..modality import Images, Persons
 from ..motion.model import ExposureDelays
 from .agreement import ColorAgreement, agreement_of
 from .part_colors import PartColors, check_colors
@@ -106,12 +106,14 @@ class ColorModality:
         self._learned = True
         self._learn(images, state, lesson)
 
-    def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+    def set_images(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
+    ) -> None:
         """Blur and halve the images around the expected body.
 
         Parameters
         ----------
-        images, expected, delays : see `Modality.set_images`; the delays have no part.
+        images, expected, delays, persons : see `Modality.set_images`; the last two have no part.
         """
         self._images = [None] * len(self._rig) if expected is None else images
         self._agreement = None

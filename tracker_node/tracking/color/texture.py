@@ -21,7 +21,7 @@ from ...parallel import Workers
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
 from ..config import TextureConfig
 from ..estimate import CameraReport, Status
-from ..modality import Images
+from ..modality import Images, Persons
 from ..motion.model import ExposureDelays
 from .search import ended
 
@@ -63,12 +63,14 @@ class TextureModality:
         images, state, lesson : see `Modality.learn_first`; they have no part.
         """
 
-    def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+    def set_images(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
+    ) -> None:
         """Halve the images again and again.
 
         Parameters
         ----------
-        images, expected, delays : see `Modality.set_images`; the delays have no part.
+        images, expected, delays, persons : see `Modality.set_images`; the last two have no part.
         """
         self._score = None
         self.objective.set_images([None] * self._n_cameras if expected is None else images)

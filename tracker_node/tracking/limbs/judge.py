@@ -28,6 +28,7 @@ _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anythin
 _LEAST_OF_PART = 15  # samples of a part's outline in all cameras, for it to be judged alone
 _LEAST = 1e-4  # probability that nothing is ever below
 _NOISE = 0.2  # share of the outline that is found anywhere
+_BESIDE = 1.0  # log odds by outlines that count at most where there is other evidence
 _START = 0.3  # probability of lost that a limb starts with
 
 MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
@@ -126,7 +127,9 @@ class LimbJudge:
         lost = self.lost
         return 0 in lost or 2 * len(lost) > len(self.limbs)
 
-    def update(self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None) -> tuple[LimbReport, ...]:
+    def update(
+        self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None
+    ) -> tuple[LimbReport, ...]:
         """Take in an image set.
 
         Parameters
@@ -134,6 +137,7 @@ class LimbJudge:
         evidence : of the image set at ``state``.
         state : of the body.
         covariance : (n_dof, n_dof) of ``state`` in its tangent; None: not known.
+        others : (n_limbs,) log odds of being lost by evidence beside outlines, 0 where there is none; None: none of any limb.
 
         Returns
         -------
@@ -143,7 +147,8 @@ class LimbJudge:
         if self._levels is None:
             self._levels = self._first_levels(measures)
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
-        return tuple(self._limb(i, measures[i], float(sigmas[i])) for i in range(len(self.limbs)))
+        others = np.zeros(len(self.limbs)) if others is None else others
+        return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i])) for i in range(len(self.limbs)))
 
     def odds(self, i: int, measures: np.ndarray) -> float:
         """Log odds of a limb being lost, by one image set alone.
@@ -176,26 +181,31 @@ class LimbJudge:
         paired = zip(self.limbs, self.probabilities, strict=True)
         return tuple(LimbReport(limb.name, LimbStatus.UNSEEN, "in no image", float(p)) for limb, p in paired)
 
-    def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float) -> LimbReport:
+    def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float, others: float) -> LimbReport:
         config, limb, before = self._config, self.limbs[i], self.probabilities[i]
         p = before * (1.0 - config.limb_recovery) + (1.0 - before) * config.limb_loss
         elsewhere = _beyond(LOST_TIP_M, sigma_m)
         if i > 0:  # what hangs on a lost trunk is lost, whatever it happens to lie on
             elsewhere = max(elsewhere, float(self.probabilities[0]))
         self.shares[i] = np.nan if measures is None else self._shares_of(i, measures)
-        if measures is None:
+        if measures is None and not others:
             self.probabilities[i] = p
             return LimbReport(limb.name, LimbStatus.UNSEEN, "hidden, or in no image", 1.0 - (1.0 - p) * (1.0 - elsewhere))
-        odds = float(np.clip(self.odds(i, measures), -config.evidence_limit, config.evidence_limit))
+        outline = 0.0 if measures is None else self.odds(i, measures)
+        if others:  # which limb it is they know; how much of an outline is found depends on clothes and walls
+            outline = float(np.clip(outline, -_BESIDE, _BESIDE))
+        odds = float(np.clip(outline + others, -config.evidence_limit, config.evidence_limit))
         p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
         self.probabilities[i] = p
-        if p < config.limb_degraded:
+        if p < config.limb_degraded and measures is not None:
             assert self._levels is not None
             self._levels[i] = np.maximum(self._levels[i] + _LEVEL_RATE * (measures - self._levels[i]), _LEAST_LEVELS)
         probability = 1.0 - (1.0 - p) * (1.0 - elsewhere)
         status, reason = self._status(probability), ""
         if status is not LimbStatus.TRACKING:
-            reason = f"{100.0 * measures[0]:.0f} % of its outline are found"
+            reason = "its points are elsewhere"
+            if measures is not None and others <= max(outline, 0.0):
+                reason = f"{100.0 * measures[0]:.0f} % of its outline are found"
             if elsewhere > p:
                 reason = f"its end may be elsewhere: known to {1e3 * sigma_m:.0f} mm" if sigma_m > 0.05 else "the trunk is"
         return LimbReport(limb.name, status, reason, probability)

@@ -14,9 +14,10 @@ from ...objective.per_camera import bodies_seen
 from ...observation.chamfer.observer import checked_backgrounds
 from ...observation.region.background import RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
+from ...observation.region.silhouette import odds_table, packed
 from ...render.occluders import Occluders
-from ..config import BackgroundConfig, RegionConfig
-from ..modality import Images
+from ..config import BackgroundConfig, KeypointConfig, RegionConfig
+from ..modality import Images, Persons
 
 
 class RegionAppearance:
@@ -28,6 +29,7 @@ class RegionAppearance:
     parallel : maps a function over cameras.
     occluders : what stands before the body.
     backgrounds : camera name -> BGR image, or list of images, of the background; cameras may be missing.
+    keypoints : what silhouettes of a detector are worth.
 
     Attributes
     ----------
@@ -43,7 +45,10 @@ class RegionAppearance:
         parallel: Callable[[Callable, list], list],
         occluders: Occluders,
         backgrounds: Mapping[str, np.ndarray | list],
+        keypoints: KeypointConfig | None = None,
     ):
+        keypoints = keypoints or KeypointConfig()
+        self._odds = odds_table(keypoints.silhouette_share, keypoints.silhouette_limit)
         self._rig, self._model, self._config, self._background = rig, model, config, background
         self._parallel, self._occluders, self._images = parallel, occluders, dict(backgrounds)
         self.classes = color_classes(model)
@@ -69,14 +74,28 @@ class RegionAppearance:
         """By camera: whether colors have been learned."""
         return [bool(colors.knows) for colors in self._colors]
 
-    def views(self, images: Images) -> list[View | None]:
-        """What each camera shows, None without an image or without colors to compare it with."""
-        return [
-            View(np.ascontiguousarray(image), (colors.body, colors.scene), room.packed)
-            if image is not None and colors.knows
-            else None
-            for image, colors, room in zip(images, self._colors, self._rooms, strict=True)
-        ]
+    def views(self, images: Images, persons: Persons = ()) -> list[View | None]:
+        """What each camera shows.
+
+        Parameters
+        ----------
+        images : by camera.
+        persons : the body as a detector has found it, by camera; empty where no detector is used.
+
+        Returns
+        -------
+        None without an image or without colors to compare it with.
+        """
+        found: list[View | None] = []
+        for i, image in enumerate(images):
+            colors, person = self._colors[i], persons[i] if persons else None
+            if image is None or not colors.knows:
+                found.append(None)
+                continue
+            silhouette = packed(None if person is None else person.silhouette, image.shape[:2], self._odds)
+            pixels = np.ascontiguousarray(image)
+            found.append(View(pixels, (colors.body, colors.scene), self._rooms[i].packed, silhouette))
+        return found
 
     def learn(
         self, images: Images, state: State, offsets: Offsets, rate: float, margin_px: int, weights: np.ndarray | None

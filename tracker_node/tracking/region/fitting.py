@@ -12,11 +12,13 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.constraints.prior import Prior
+from ...objective.keypoints.correspondences import KeypointCorrespondences
 from ...objective.lines.correspondences import LineCorrespondences
 from ...optimize.fitter import Fit, Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
 from ..config import TrackerConfig
 from ..constraints import constraints_of, resting, staying
+from ..keypoints.modality import KeypointModality
 from ..modality import Modality
 from ..parameters import numbers
 from .modality import LineDetail, RegionModality
@@ -55,6 +57,7 @@ class RegionFitting:
     region : draws the lines.
     beside : another modality in information units, and the detail of its correspondences, which are added to the lines; None:
         there are lines alone.
+    points : of a detector, which see something else than contours and count in full; None: there are none.
     """
 
     def __init__(
@@ -63,8 +66,9 @@ class RegionFitting:
         config: TrackerConfig,
         region: RegionModality,
         beside: tuple[Modality, Any] | None = None,
+        points: KeypointModality | None = None,
     ):
-        self._model, self._config, self.region, self._beside = model, config, region, beside
+        self._model, self._config, self.region, self._beside, self._points = model, config, region, beside, points
         self._fitter = Fitter(model, constraints_of(model, config))
         self._rest, self._finest = resting(model, config.motion), numbers(config.region.scales)[-1]
         self._curvature = curvature_share(config.region.robust_sigmas)
@@ -92,7 +96,9 @@ class RegionFitting:
         """
         others = [] if self._beside is None else [self._beside[0].correspond(start, self._beside[1])]
         priors = [prior or staying(start, self._config.motion), *self._resting]
-        found = self._fitter.fit(start, self.region, self._stages(start, scales, prior, model_sigma_px), priors, others)
+        points = self.points_at(start)
+        stages = self._stages(start, scales, prior, model_sigma_px)
+        found = self._fitter.fit(start, self.region, stages, priors, others, points)
         return self._as_line_fit(found, self._adapted(found, model_sigma_px))
 
     def fit_part(self, start: State, dofs: np.ndarray, model_sigma_px: float) -> LineFit:
@@ -109,7 +115,8 @@ class RegionFitting:
         The fit, with lines of the last scale.
         """
         stages = [Stage(LineDetail(scale, model_sigma_px), _PART, dofs=dofs) for scale in _PART_SCALES]
-        return self._as_line_fit(self._fitter.fit(start, self.region, stages, self._resting), model_sigma_px)
+        found = self._fitter.fit(start, self.region, stages, self._resting, independent=self.points_at(start))
+        return self._as_line_fit(found, model_sigma_px)
 
     def redrawn(self, fit: LineFit) -> LineFit:
         """The same with lines drawn anew about its state."""
@@ -119,6 +126,12 @@ class RegionFitting:
             fit.state, objective.linearize(fit.state), fit.iterations, fit.evaluations, fit.converged, lines, objective,
             fit.comparison, model_sigma_px=fit.model_sigma_px,
         )  # fmt: skip
+
+    def points_at(self, start: State) -> list[KeypointCorrespondences]:
+        """The detected points of the present set, if there are any."""
+        if self._points is None or not self._points.has_points:
+            return []
+        return [self._points.correspond(start, 1.0)]
 
     @property
     def _resting(self) -> list[Prior]:

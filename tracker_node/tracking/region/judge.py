@@ -13,6 +13,7 @@ from ...observation.image_set import ImageSet
 from ..assessment import Assessment, Report, assess_cameras
 from ..config import TrackerConfig
 from ..estimate import CameraReport, Status
+from ..keypoints.evidence import lost_odds
 from ..limbs.judge import LimbJudge, body_status, is_noise
 from ..uncertainty.covariance import ImageEvidence, fit_covariance
 from .fitting import LineFit, RegionFitting
@@ -68,15 +69,22 @@ class RegionJudge:
         if not evidence.expected.any():
             reason = "no camera sees the body where it is expected"
             return Assessment(Status.LOST, reason, noise=True, limbs=self.limbs.nothing_seen(), log_ratio=_UNSEEN)
-        reports = self.limbs.update(evidence, fit.state, self._of(fit)[1][0])
+        reports = self.limbs.update(evidence, fit.state, self._of(fit)[1][0], self._by_points(fit))
         status, reason = body_status(reports)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set, fit.correspondences.active)
         return Assessment(
-            status, reason, noise=is_noise(evidence), jumped=fit.jumped, limbs=reports,
+            status, reason, noise=is_noise(evidence) and not self._fitting.points_at(fit.state), jumped=fit.jumped, limbs=reports,
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
             log_ratio=_log_ratio(evidence),
         )  # fmt: skip
+
+    def _by_points(self, fit: LineFit) -> np.ndarray | None:
+        """Log odds of each limb being lost, by the points of a detector, where there are any."""
+        points = self._fitting.points_at(fit.state)
+        if not points:
+            return None
+        return lost_odds(points[0], fit.state, self.limbs.limbs, self._fitting.region.size_px(fit.state))
 
     def _status_of_cameras(self, evidence: PartEvidence, image_set: ImageSet, active: list[int]) -> tuple[Status, str]:
         expected, close = evidence.expected.sum(axis=1), evidence.close.sum(axis=1)

@@ -17,7 +17,7 @@ from ...objective.per_camera import camera_constants
 from ...render.occluders import Occluders
 from ...render.shape_arrays import ShapeArrays
 from ..config import TrackerConfig
-from ..modality import Images, cameras_in_turn
+from ..modality import Images, Persons, cameras_in_turn
 from ..motion.model import ExposureDelays
 from .appearance import RegionAppearance
 
@@ -76,7 +76,7 @@ class RegionModality:
         occluders = occluders or Occluders(None, rig)
         self._model, self._config = model, config.region
         self.appearance = RegionAppearance(
-            rig, model, config.region, config.background, parallel, occluders, backgrounds or {}
+            rig, model, config.region, config.background, parallel, occluders, backgrounds or {}, config.keypoints
         )
         self._arrays = ShapeArrays.from_model(model)
         self._drawer = LineDrawer(
@@ -109,15 +109,17 @@ class RegionModality:
         self.appearance.learn(images, state, self._offsets(state), 1.0, lesson, None)
         self.appearance.trust_stated()
 
-    def set_images(self, images: Images, expected: State | None, delays: ExposureDelays | None = None) -> None:
+    def set_images(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
+    ) -> None:
         """Keep the images: lines are drawn where the fit needs them.
 
         Parameters
         ----------
-        images, expected, delays : see `Modality.set_images`.
+        images, expected, delays, persons : see `Modality.set_images`.
         """
         self._delays = delays
-        self.views = [None] * len(images) if expected is None else self.appearance.views(images)
+        self.views = [None] * len(images) if expected is None else self.appearance.views(images, persons)
 
     def correspond(self, state: State, detail: LineDetail) -> LineCorrespondences:
         """Lines of the contours that are seen in a state.

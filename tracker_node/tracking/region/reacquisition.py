@@ -19,6 +19,7 @@ from ...optimize.fitter import Fit
 from ..assessment import Assessment
 from ..config import TrackerConfig
 from ..estimate import Status
+from ..keypoints.fitting import KeypointFitting
 from ..limbs.judge import LimbJudge
 from ..parameters import numbers
 from ..poses import Poses
@@ -60,6 +61,7 @@ class Reacquisition:
     judge : says which limbs are lost.
     fitting : fits to lines.
     area : scores poses by the colors that they cover.
+    points : fits to the points of a detector, which know where limbs are, in place of searches; None: there are none.
 
     Attributes
     ----------
@@ -68,10 +70,11 @@ class Reacquisition:
 
     def __init__(
         self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, judge: LimbJudge, fitting: RegionFitting,
-        area: RegionArea,
+        area: RegionArea, points: KeypointFitting | None = None,
     ):  # fmt: skip
         self._rig, self._model, self._region = rig, model, config.region
         self._judge, self._fitting, self._area = judge, fitting, area
+        self._points = points
         self._scales, self._interval_sets = numbers(config.region.scales), config.limb_search.interval_sets
         self._search = LimbSearch(model, judge, config.limb_search)
         self.reset()
@@ -107,12 +110,20 @@ class Reacquisition:
         -------
         The best fit.
         """
-        if first:
+        if self._points is not None and self._points.modality.has_points:
+            fit = self._led_by_points(self._points, start, first, prior)
+        elif first:
             fit = self.first(start, prior, self._model_sigma_px)
         else:
             fit = self.improved(self._fitting.fit(start, self._scales, prior, self._model_sigma_px), start, prior)
         self._model_sigma_px = fit.model_sigma_px
         return fit
+
+    def _led_by_points(self, points: KeypointFitting, start: State, first: bool, prior: Prior | None) -> LineFit:
+        """Lines from where the points have the body: no limb needs a search."""
+        scales = numbers(self._region.first_scales) if first else self._scales
+        led = points.fit(start, first, prior).state
+        return self._fitting.redrawn(self._fitting.fit(led, scales, prior, self._model_sigma_px))
 
     def remember(self, fit: Fit, assessment: Assessment) -> None:
         """Keep where body and limbs are, if they are in place.

@@ -1,0 +1,240 @@
+"""BlazePose (Bazarevsky et al., 2020): a detector of people, and a network that finds 33 points of each.
+
+The weights are files of TensorFlow Lite, run on this machine by `ai_edge_litert`; images never leave it. The detector looks at
+the whole image and gives each person's hips, and the radius of a circle around the body; the second network takes a square around
+that, and gives points, heat maps and a silhouette. Where somebody knows where the person is, the detector is not asked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...errors import extra_module
+from .crop import Crop, mapped
+from .heat_map import read_heat_maps
+from .people import People, Person, Silhouette
+
+_LEFT_RIGHT = ("shoulder", "elbow", "wrist", "pinky", "index", "thumb", "hip", "knee", "ankle", "heel", "foot_index")
+NAMES: tuple[str, ...] = (
+    "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer", "left_ear",
+    "right_ear", "mouth_left", "mouth_right", *(f"{side}_{name}" for name in _LEFT_RIGHT for side in ("left", "right")),
+)  # fmt: skip
+N_POINTS = len(NAMES)
+_CENTER, _TOP = N_POINTS, N_POINTS + 1  # two points more: the middle of the hips, and one on the circle around the body
+
+_DETECTOR_SIDE, _SIDE, _CELL = 224, 256, 4
+_STRIDES = ((8, 2), (16, 2), (32, 6))  # of the detector's cells, and anchors in each
+_LEAST_PERSON = 0.5  # probability of a detection
+_LEAST_PRESENCE = 0.5  # of a person in a crop
+_SAME_PERSON = 0.3  # overlap of two boxes (intersection over union) of one person
+_MARGIN = 1.25  # of the crop around the circle
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A person found by the detector: probability, and the crop around."""
+
+    score: float
+    crop: Crop
+
+
+class _Network:
+    """A file of TensorFlow Lite in memory."""
+
+    def __init__(self, path: str | Path, threads: int):
+        extra_module("ai_edge_litert", "keypoints")
+        from ai_edge_litert.interpreter import Interpreter
+
+        self._run = Interpreter(model_path=str(path), num_threads=threads)
+        self._run.allocate_tensors()
+        self._input = self._run.get_input_details()[0]["index"]
+        self._outputs = [each["index"] for each in self._run.get_output_details()]
+
+    def __call__(self, image: np.ndarray) -> list[np.ndarray]:
+        """All outputs for one image (side, side, 3) float32, without their first axis."""
+        self._run.set_tensor(self._input, image[None])
+        self._run.invoke()
+        return [self._run.get_tensor(index)[0] for index in self._outputs]
+
+
+class PersonDetector:
+    """Finds the people in a whole image.
+
+    Parameters
+    ----------
+    path : of the weights, ``pose_detection.tflite``.
+    threads : of the network.
+    """
+
+    def __init__(self, path: str | Path, threads: int = 1):
+        self._network = _Network(path, threads)
+        self._anchors = _anchors()
+
+    def find(self, image: np.ndarray) -> list[Found]:
+        """The people in an image.
+
+        Parameters
+        ----------
+        image : (height, width, 3) BGR.
+
+        Returns
+        -------
+        The likeliest first.
+        """
+        height, width = image.shape[:2]
+        whole = Crop((0.5 * (width - 1), 0.5 * (height - 1)), float(max(height, width)))
+        rgb = cv2.cvtColor(whole.cut(image, _DETECTOR_SIDE), cv2.COLOR_BGR2RGB)
+        values, logits = self._network(rgb.astype(np.float32) * (2.0 / 255.0) - 1.0)
+        scores = 1.0 / (1.0 + np.exp(-np.clip(logits[:, 0], -80.0, 80.0)))
+        likely = np.flatnonzero(scores >= _LEAST_PERSON)
+        order = likely[np.argsort(-scores[likely], kind="stable")]
+        boxes = np.hstack([values[order, :2] + self._anchors[order] - 0.5 * values[order, 2:4], values[order, 2:4]])
+        points = values[order, 4:8].reshape(-1, 2, 2) + self._anchors[order, None]
+        to_image, found = whole.to_image(_DETECTOR_SIDE), []
+        while len(order):
+            same = _overlaps(boxes[0], boxes) > _SAME_PERSON
+            weights = scores[order[same]]
+            center, top = mapped(to_image, np.average(points[same], axis=0, weights=weights) - 0.5)
+            found.append(Found(float(scores[order[0]]), _crop_around(center, top)))
+            order, boxes, points = order[~same], boxes[~same], points[~same]
+        return found
+
+
+class PointNetwork:
+    """Finds the points of a person in a crop.
+
+    Parameters
+    ----------
+    path : of the weights, ``pose_landmark_full.tflite`` or another size.
+    threads : of the network.
+    """
+
+    def __init__(self, path: str | Path, threads: int = 1):
+        self._network = _Network(path, threads)
+
+    def read(self, image: np.ndarray, crop: Crop) -> tuple[Person, Crop] | None:
+        """The person in a crop.
+
+        Parameters
+        ----------
+        image : (height, width, 3) BGR.
+        crop : around the person.
+
+        Returns
+        -------
+        The person, and the crop around the points found, for another round or the next image; None where there is nobody.
+        """
+        rgb = cv2.cvtColor(crop.cut(image, _SIDE), cv2.COLOR_BGR2RGB)
+        values, presences, mask, maps, _ = self._network(rgb.astype(np.float32) * (1.0 / 255.0))
+        presence = float(presences[0])
+        if not presence >= _LEAST_PRESENCE:
+            return None
+        values = values.reshape(-1, 5)
+        points = values[:, :2].astype(np.float64) - 0.5
+        n = len(points)
+        cells, moments, peaks = np.empty((n, 2)), np.empty((n, 2, 2)), np.empty(n)
+        read_heat_maps(maps, (points - 0.5 * (_CELL - 1)) / _CELL, cells, moments, peaks)
+        refined = np.where(peaks[:, None] >= 0.5, cells * _CELL + 0.5 * (_CELL - 1), points)
+        to_image = crop.to_image(_SIDE)
+        A = to_image[:, :2]
+        pixels = mapped(to_image, refined)
+        covariances = _CELL**2 * (A @ moments @ A.T)
+        scores = 1.0 / (1.0 + np.exp(-values[:, 3].astype(np.float64)))
+        silhouette = _silhouette(mask[:, :, 0], crop, image.shape[:2])
+        seen = slice(N_POINTS)
+        person = Person(NAMES, pixels[seen], covariances[seen], scores[seen], presence, _box(pixels[seen]), silhouette)
+        center, top = mapped(to_image, points[[_CENTER, _TOP]])
+        return person, _crop_around(center, top)
+
+
+@dataclass(frozen=True)
+class BlazePoseFiles:
+    """Paths of the weights: of the detector of people, and of the network that finds their points."""
+
+    detector: Path
+    points: Path
+
+
+class BlazePose:
+    """Finds people and their points in images.
+
+    Parameters
+    ----------
+    files : the weights.
+    threads : of the networks.
+    most : people that points are found of, at most.
+    """
+
+    names = NAMES
+
+    def __init__(self, files: BlazePoseFiles, threads: int = 1, most: int = 4):
+        self._detector, self._points = PersonDetector(files.detector, threads), PointNetwork(files.points, threads)
+        self._most = most
+
+    def detect(self, image: np.ndarray, expected: Sequence[Crop] = ()) -> People:
+        """The people in an image.
+
+        Parameters
+        ----------
+        image : (height, width, 3) BGR.
+        expected : around people whose places are known; the detector is then not asked.
+
+        Returns
+        -------
+        Those with a person in it.
+        """
+        crops = list(expected) or [found.crop for found in self._detector.find(image)[: self._most]]
+        found = [self._points.read(image, crop) for crop in crops]
+        return tuple(person for person, _ in filter(None, found))
+
+
+def _anchors() -> np.ndarray:
+    """(2254, 2) centers of the detector's cells, pixels of its input from the corner."""
+    rows: list[Any] = []
+    for stride, count in _STRIDES:
+        n = _DETECTOR_SIDE // stride
+        y, x = np.mgrid[:n, :n]
+        rows.append(np.repeat(np.column_stack([x.ravel(), y.ravel()]) * stride + 0.5 * stride, count, axis=0))
+    return np.vstack(rows)
+
+
+def _overlaps(box: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """Intersection over union of one box with others (n, 4): left, top, width, height."""
+    low = np.maximum(box[:2], boxes[:, :2])
+    high = np.minimum(box[:2] + box[2:], boxes[:, :2] + boxes[:, 2:])
+    common = np.prod(np.maximum(high - low, 0.0), axis=1)
+    return common / np.maximum(box[2] * box[3] + boxes[:, 2] * boxes[:, 3] - common, 1e-9)
+
+
+def _crop_around(center: np.ndarray, top: np.ndarray) -> Crop:
+    """Of the circle about ``center`` through ``top``, the person's head on that side."""
+    du, dv = top - center
+    radius = math.hypot(du, dv)
+    return Crop((float(center[0]), float(center[1])), max(2.0 * _MARGIN * radius, 8.0), math.atan2(du, -dv))
+
+
+def _box(pixels: np.ndarray) -> tuple[float, float, float, float]:
+    """Around all points."""
+    (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+    return left, top, right, bottom
+
+
+def _silhouette(logits: np.ndarray, crop: Crop, size: tuple[int, int]) -> Silhouette:
+    """Of the whole crop, in pixels of the image."""
+    height, width = size
+    matrix = crop.to_image(_SIDE)
+    corners = mapped(matrix, np.array([[0.0, 0.0], [_SIDE, 0.0], [0.0, _SIDE], [_SIDE, _SIDE]]))
+    low = np.clip(np.floor(corners.min(axis=0)), 0, [width - 1, height - 1]).astype(int)
+    high = np.clip(np.ceil(corners.max(axis=0)) + 1, 1, [width, height]).astype(int)
+    matrix[:, 2] -= low
+    wide, high_ = np.maximum(high - low, 1).tolist()
+    grown = cv2.warpAffine(np.ascontiguousarray(logits), matrix, (wide, high_), flags=cv2.INTER_LINEAR, borderValue=-20.0)
+    probabilities = 255.0 / (1.0 + np.exp(-np.clip(grown, -20.0, 20.0)))
+    return Silhouette(np.rint(probabilities).astype(np.uint8), (int(low[0]), int(low[1])))

@@ -1,0 +1,47 @@
+"""Where a detector should look: a square around the body in each image, its head up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...camera.rig import Camera, CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...observation.keypoints.crop import Crop
+
+_MARGIN = 1.25  # of the square around the circle about the body
+_UP_M = 0.5  # length of the arrow, along the root's z axis, whose direction in the image is up
+_LEAST_PX = 16.0
+
+
+def crops_of(model: ArticulatedModel, rig: CameraRig, state: State) -> list[Crop | None]:
+    """Squares around a body, one a camera.
+
+    Parameters
+    ----------
+    model, rig, state : the body before the cameras.
+
+    Returns
+    -------
+    Pixels of each camera's image; None where it does not see the body.
+    """
+    body = Configuration(model, state)
+    root = state.T_world_root[:3, 3]
+    points = np.vstack([root, root + _UP_M * state.T_world_root[:3, 2], body.landmarks_world, body.Ts_world_shape[:, :3, 3]])
+    return [_crop(camera, points) for camera in rig]
+
+
+def _crop(camera: Camera, points: np.ndarray) -> Crop | None:
+    """Around the first point, the second above it, all within."""
+    pixels, seen = camera.project(points)
+    if not seen[0] or not seen[1]:
+        return None
+    center, (du, dv) = pixels[0], pixels[1] - pixels[0]
+    radius = float(np.linalg.norm(pixels[seen] - center, axis=1).max())
+    width, height = camera.model.width, camera.model.height
+    beside = not (-radius < center[0] < width + radius and -radius < center[1] < height + radius)
+    if beside or radius < _LEAST_PX:
+        return None
+    return Crop((float(center[0]), float(center[1])), 2.0 * _MARGIN * radius, math.atan2(du, -dv))

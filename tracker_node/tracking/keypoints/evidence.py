@@ -1,0 +1,52 @@
+"""Whether a limb is where a fit has it, by the points that a detector has found on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...model.configuration import State
+from ...objective.keypoints.correspondences import KeypointCorrespondences
+from ...objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV
+from ..limbs.tree import Limb
+
+_ELSEWHERE_PX2 = 55.0**2  # mean square of how far a point of a lost limb is off, in pixels, on a body of `_BODY_PX`
+_BODY_PX = 200.0
+_CORRELATION = 1.5  # how many cameras share one error
+_LIMIT = 6.0  # log odds of one point
+
+
+def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Limb], body_px: float) -> np.ndarray:
+    """Log odds of each limb being lost, by its worst point that is seen by two cameras, or by one.
+
+    A point of a limb that is elsewhere is somewhere around; one that is in place has the residual that its covariance says, or is
+    an outlier in either case.
+
+    Parameters
+    ----------
+    points : of the present set.
+    state : of the body.
+    limbs : of the body.
+    body_px : size of the body in the images, pixels.
+
+    Returns
+    -------
+    (n_limbs,) natural logarithms; 0 for one without points.
+    """
+    at, observed = points.at(state), points.observed
+    seen = at.weights >= 0.0
+    odds = np.where(seen, observed[:, :, OUTLIER], 1.0)
+    near = np.exp(-0.5 * np.minimum(at.squares, 200.0))
+    det = observed[:, :, S_UU] * observed[:, :, S_VV] - observed[:, :, S_UV] ** 2
+    spread = _ELSEWHERE_PX2 * (body_px / _BODY_PX) ** 2
+    away = np.where(seen, 1.0 / (1.0 + spread * np.sqrt(np.maximum(det, 0.0))), 1.0)
+    ratio = np.where(seen, np.log((away + odds) / (near + odds)), 0.0)
+    by_point = np.clip(ratio.sum(axis=1) / _CORRELATION, -_LIMIT, _LIMIT)
+    result = np.zeros(len(limbs))
+    for i, limb in enumerate(limbs):
+        own = limb.links[points.body.links] & seen.any(axis=1)
+        if own.any():
+            several = own & (seen.sum(axis=1) >= 2)
+            result[i] = by_point[several if several.any() else own].max()
+    return result

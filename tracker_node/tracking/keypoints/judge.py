@@ -1,0 +1,94 @@
+"""Assessment of fits to detected points: limb by limb, by the points on them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...objective.keypoints.correspondences import KeypointCorrespondences, PointsAt
+from ...observation.image_set import ImageSet
+from ...optimize.fitter import Fit
+from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
+from ..config import TrackerConfig
+from ..estimate import CameraReport, Status
+
+_LEAST_POINTS = 6  # of all cameras, for a body to be seen at all
+_LOST, _DEGRADED = 0.3, 0.6  # shares of the points that are no outliers
+
+
+class KeypointJudge:
+    """Assesses fits of one body.
+
+    Parameters
+    ----------
+    rig, model, config : as for the `Tracker`.
+    """
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
+        self._rig, self._model, self._config = rig, model, config
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def restart(self) -> None:
+        """Nothing is remembered."""
+
+    def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
+        """By the share of points that are where the fit has them.
+
+        Parameters
+        ----------
+        fit : of the images of ``image_set``.
+        image_set : its cameras.
+
+        Returns
+        -------
+        Of the whole body.
+        """
+        points = _points(fit)
+        seen = points.weights >= 0.0
+        if seen.sum() < _LEAST_POINTS:
+            return Assessment(Status.LOST, f"{int(seen.sum())} points of the body are found", noise=True)
+        inliers = np.where(seen, points.weights, 0.0)
+        share = float(inliers.sum() / seen.sum())
+        if share < _DEGRADED:
+            status = Status.LOST if share < _LOST else Status.DEGRADED
+            return Assessment(status, f"{100.0 * share:.0f} % of its points are where it is", noise=status is Status.LOST)
+        shares = {
+            camera.name: float(inliers[:, i].sum() / seen[:, i].sum()) for i, camera in enumerate(self._rig) if seen[:, i].any()
+        }
+        return Assessment(
+            *assess_cameras(shares, _LOST, image_set.cameras, len(self._rig), "the body's points are elsewhere", "the body"),
+            log_ratio=-fit.equations.cost,
+        )  # fmt: skip
+
+    def report(self, fit: Fit, image_set: ImageSet) -> Report:
+        """Distances of points, pixels, and the covariance.
+
+        Parameters
+        ----------
+        fit : of the images of ``image_set``.
+        image_set : has the stamps of the cameras.
+
+        Returns
+        -------
+        Residuals of points that are no outliers.
+        """
+        correspondences, points = fit.correspondences, _points(fit)
+        assert isinstance(correspondences, KeypointCorrespondences)
+        squares, weights = correspondences.squares_px(fit.state), np.maximum(points.weights, 0.0)
+        reports = []
+        for i, camera in enumerate(self._rig):
+            image, own = image_set.get(camera.name), weights[:, i]
+            rms = float(np.sqrt((own * squares[:, i]).sum() / max(float(own.sum()), 1e-9)))
+            stamp_ns = 0 if image is None else image.stamp_ns
+            reports.append(CameraReport(camera.name, stamp_ns, rms, int((own > 0.5).sum())))
+        rms = float(np.sqrt((weights * squares).sum() / max(float(weights.sum()), 1e-9)))
+        return Report(tuple(reports), rms, inverse_covariance(fit.equations.H, 1.0))
+
+
+def _points(fit: Fit) -> PointsAt:
+    correspondences = fit.correspondences
+    assert isinstance(correspondences, KeypointCorrespondences)
+    return correspondences.at(fit.state)

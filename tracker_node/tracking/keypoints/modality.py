@@ -1,0 +1,159 @@
+"""Points that a detector has found, as a modality beside contours, or alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...model.humans.keypoints import KeypointTable
+from ...objective.keypoints.correspondences import BodyPoints, KeypointCorrespondences, ObservedPoints, packed_cameras
+from ..config import KeypointConfig
+from ..modality import Images, Persons
+from ..motion.model import ExposureDelays
+from .offsets import PointOffsets
+
+
+def points_of(model: ArticulatedModel, table: KeypointTable, offset_scale: float = 1.0) -> tuple[tuple[str, ...], BodyPoints]:
+    """The points of a table that a body has.
+
+    Parameters
+    ----------
+    model, table : body, and the detector's points.
+    offset_scale : factor of the spread of their offsets.
+
+    Returns
+    -------
+    Names of the points, and the points with their offsets before anything has been seen.
+    """
+    names = tuple(name for name, point in table.items() if point.landmark in model.landmark_names)
+    rows = [model.landmark_index(table[name].landmark) for name in names]
+    means = np.array([table[name].offset for name in names], dtype=np.float64).reshape(-1, 3)
+    sigmas = offset_scale * np.array([table[name].sigma for name in names], dtype=np.float64).reshape(-1, 3)
+    covariances = sigmas[:, :, None] ** 2 * np.eye(3)
+    return names, BodyPoints(model, model.landmark_links[rows], model.landmark_positions[rows], means, covariances)
+
+
+class KeypointModality:
+    """The `Modality` of detected points.
+
+    Parameters
+    ----------
+    rig, model, config : cameras, body, parameters.
+    table : what the detector's points are on the body.
+
+    Attributes
+    ----------
+    names : of the points that the body has.
+    offsets : of these points, as they are known now.
+    """
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: KeypointConfig, table: KeypointTable):
+        self._rig, self._model, self._config = rig, model, config
+        self.names, points = points_of(model, table, config.offset_scale)
+        self.offsets = PointOffsets(points, config)
+        self._cameras = packed_cameras(rig)
+        self._observed: np.ndarray | None = None
+
+    def reset(self) -> None:
+        """Offsets are as before anything has been seen."""
+        self.offsets.reset()
+        self._observed = None
+
+    def lessons(self, known: bool) -> Sequence[None]:
+        """Nothing is learned from a first image set before the body is fitted."""
+        return ()
+
+    def learn_first(self, images: Images, state: State, lesson: None) -> None:
+        """Nothing is learned from a first image set before the body is fitted.
+
+        Parameters
+        ----------
+        images, state, lesson : see `Modality.learn_first`.
+        """
+
+    def set_images(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
+    ) -> None:
+        """Take the points of the body in each camera.
+
+        Parameters
+        ----------
+        images, expected, delays, persons : see `Modality.set_images`.
+        """
+        self._observed = None
+        if expected is not None and any(person is not None for person in persons):
+            observed = self._of(persons)
+            if delays is not None:
+                self._brought_together(observed, expected, delays)
+            self._observed = observed.packed()
+
+    def _of(self, persons: Persons) -> ObservedPoints:
+        n, m, config = len(self.names), len(self._rig), self._config
+        pixels, covariances = np.zeros((n, m, 2)), np.tile(np.eye(2), (n, m, 1, 1))
+        outliers, areas = np.ones((n, m)), np.ones(m)
+        for i, person in enumerate(persons):
+            if person is not None:
+                rows = [person.names.index(name) for name in self.names]
+                size = max(person.box[2] - person.box[0], person.box[3] - person.box[1], 1.0)
+                floor = (config.sigma_share * size) ** 2
+                pixels[:, i] = person.pixels[rows]
+                covariances[:, i] = config.covariance_scale * person.covariances[rows] + floor * np.eye(2)
+                outliers[:, i] = 1.0 - (1.0 - config.outlier_fraction) * person.scores[rows]
+                areas[i] = size * size
+        outliers[~np.isfinite(pixels).all(axis=2)] = 1.0
+        return ObservedPoints(np.nan_to_num(pixels), covariances, np.clip(outliers, 1e-4, 1.0), areas)
+
+    def _brought_together(self, observed: ObservedPoints, expected: State, delays: ExposureDelays) -> None:
+        """Move the points of cameras that expose late to where they would have been at the stamp of the set."""
+        landmarks = self.places(expected)
+        for i, (camera, offset) in enumerate(zip(self._rig, delays.offsets(expected), strict=True)):
+            if offset is not None:
+                late, seen = camera.project(self.places(expected.retract(offset)))
+                there, also = camera.project(landmarks)
+                observed.pixels[:, i] -= np.where((seen & also)[:, None], late - there, 0.0)
+
+    def places(self, state: State) -> np.ndarray:
+        """(n_points, 3) meters, world: where the points of a body in ``state`` are expected."""
+        body = self.offsets.body
+        T = Configuration(self._model, state).Ts_world_link[body.links]
+        return np.einsum("nij,nj->ni", T[:, :3, :3], body.positions + body.means) + T[:, :3, 3]
+
+    @property
+    def has_points(self) -> bool:
+        """Whether the present set has any."""
+        return self._observed is not None
+
+    def correspond(self, state: State, sharpness: float) -> KeypointCorrespondences:
+        """The points of the present set.
+
+        Parameters
+        ----------
+        state : does not matter: a point is compared whether it is hidden or not.
+        sharpness : factor of what they say.
+
+        Returns
+        -------
+        Without points where there are none.
+        """
+        observed = self._observed
+        if observed is None:
+            observed = np.zeros((len(self.names), len(self._rig), 6))
+        return KeypointCorrespondences(self.offsets.body, self._cameras, observed, sharpness)
+
+    def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
+        """Follow the offsets of the points on parts that are where the state says.
+
+        Parameters
+        ----------
+        images, state, weights : see `Modality.learn`.
+        """
+        if self._observed is not None:
+            trusted = np.ones(len(self.names), dtype=np.bool_)
+            if weights is not None:
+                doubtful = self._model.shape_links[np.asarray(weights) <= 0.5]
+                trusted = ~np.isin(self.offsets.body.links, doubtful)
+            self.offsets.update(self.correspond(state, 1.0).at(state), trusted)
