@@ -4,6 +4,7 @@ import pytest
 from tracker_node.calibration.body import (
     ScalingOptions,
     model_stature,
+    place_by_states,
     place_landmarks,
     pose_trial,
     robust_mean,
@@ -11,8 +12,9 @@ from tracker_node.calibration.body import (
     scale_to_trial,
     targets_of,
 )
-from tracker_node.errors import TrackerError
+from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.geometry import se3
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.loaders.motion.trc import MarkerTrajectories, load_trc
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
@@ -148,6 +150,30 @@ def test_landmarks_on_a_limbs_axis_stay_on_it():
     moved = placed.landmark_positions - HUMAN.landmark_positions
     assert np.allclose(moved[HUMAN.landmark_index("left_elbow")], [0.0, 0.0, 0.03])
     assert np.allclose(moved[HUMAN.landmark_index("left_hip")], [0.02, 0.01, 0.03])
+
+
+def test_states_belong_to_the_markers_of_their_time(tmp_path):
+    """Rows are at 5, 5.1 and 5.2 s; the second, lost state has no part: landmarks go up by the mean of 0 and 2 cm."""
+    pose = State.neutral(HUMAN, se3.exp(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])))
+    landmarks = Configuration(HUMAN, pose).landmarks_world
+    points = np.array([landmarks + np.array([0.0, 0.0, up_m]) for up_m in (0.0, 0.05, 0.02)])
+    names = tuple(MARKER_OF_LANDMARK[name] for name in HUMAN.landmark_names)
+    markers = MarkerTrajectories(names, np.array([5.0, 5.1, 5.2]), points, 10.0, np.ones(points.shape[:2], bool))
+    statuses = ("TRACKING", "LOST", "DEGRADED")
+    rows = tuple(StateRow((70 + i) * 10**8, status, "", pose.to_values()) for i, status in enumerate(statuses))
+    write_states(tmp_path / "states.csv", StateTrajectory(HUMAN.chain.dof_names, rows))
+    placed = place_by_states(HUMAN, markers, tmp_path / "states.csv", ScalingOptions(0.015))
+    moved = placed.landmark_positions - HUMAN.landmark_positions
+    np.testing.assert_allclose(moved[:, 2], 0.01, atol=1e-3)
+
+
+@pytest.mark.parametrize("status", ["LOST", "INITIALIZING"])
+def test_states_that_are_all_lost_are_refused(tmp_path, status):
+    rows = (StateRow(0, status, "", State.neutral(HUMAN).to_values()),)
+    write_states(tmp_path / "states.csv", StateTrajectory(HUMAN.chain.dof_names, rows))
+    markers = MarkerTrajectories((), np.zeros(1), np.zeros((1, 0, 3)), 10.0, np.zeros((1, 0), bool))
+    with pytest.raises(FileFormatError, match=r"at least one state that is not lost.*none in 1 rows"):
+        place_by_states(HUMAN, markers, tmp_path / "states.csv")
 
 
 def test_robust_mean_leaves_outliers_out():

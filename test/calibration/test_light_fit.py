@@ -2,14 +2,16 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
-from tracker_node.calibration.light_fit import LightFitOptions, fit_lights, irradiance
+from tracker_node.calibration.light_fit import LightFitOptions, fit_lights, irradiance, load_pose_images, with_lights
 from tracker_node.camera.light import Light
-from tracker_node.errors import CalibrationError, TrackerError
+from tracker_node.errors import CalibrationError, SourceError, TrackerError
 from tracker_node.experiments.cross.throw import cross_rig, measured_lights, twisting_somersault, yellow_stick
 from tracker_node.experiments.target_images import TargetStudio
+from tracker_node.loaders.rig.rig_yaml import rig_file_of
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.raycast.raycaster import render_color
 from tracker_node.render.raycast.surface_samples import surface_samples
@@ -91,9 +93,40 @@ def test_a_sun_is_found_by_its_direction():
     assert np.isnan(fit.position_sigma_m[1])
 
 
+def test_a_camera_without_images_stays_as_it_is(images):
+    start = given()
+    fit = fit_lights(start, POSES[:2], [[each[0], None, each[2]] for each in images[:2]])
+    missing = RIG.names[1]
+    assert fit.rig.names == RIG.names and set(fit.n_pixels) == set(fit.rms_after) == {RIG.names[0], RIG.names[2]}
+    assert fit.rig[missing] is start[missing]
+    file = rig_file_of(start)
+    written = with_lights(file, fit)
+    assert written.cameras[missing] is file.cameras[missing]
+    assert written.cameras[RIG.names[2]].gamma == pytest.approx(fit.rig[RIG.names[2]].gamma)
+    assert written.lights == rig_file_of(fit.rig).lights != file.lights
+
+
+def test_images_of_poses_by_the_camera_s_name(tmp_path):
+    image = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "a.png"), image)
+    ((first, second),) = load_pose_images([f"{tmp_path}/{{name}}.png"], ("a", "b"))
+    np.testing.assert_array_equal(first, image)
+    assert second is None
+    (tmp_path / "c.png").write_text("no image")
+    for pattern, names, message in (
+        (f"{tmp_path}/{{name}}.png", ("b",), "no image of any camera"),
+        (f"{tmp_path}/{{name}}.png", ("c",), "cannot be read as an image"),
+        (f"{tmp_path}/{{camera}}.png", ("a",), "a pattern with {name}"),
+    ):
+        with pytest.raises(SourceError, match=message):
+            load_pose_images([pattern], names)
+
+
 def test_what_tells_nothing_is_refused(images):
     with pytest.raises(TrackerError, match="no lights to start with"):
         fit_lights(replace(RIG, lights=()), POSES, images)
+    with pytest.raises(TrackerError, match="no image of any camera"):
+        fit_lights(RIG, POSES, [[None] * len(RIG)] * len(POSES))
     dark = [[np.zeros_like(image) for image in each] for each in images]
     with pytest.raises(CalibrationError, match=r"'left': only 0 pixels of the body"):
         fit_lights(RIG, POSES, dark)

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from tracker_node.cli import demo, sample
-from tracker_node.cli.nodes import pipeline
 from tracker_node.loaders.bag.writer import BagExistsError
+from tracker_node.runs.writer import run_of_bag
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(sample, "prepare", lambda folder, fresh: 0)
 
     def looks(*arguments: str | Path) -> int:
-        return 0 if pipeline._run_folder(Namespace(bag=Path(arguments[-1]) / "bag")) else 1
+        return 0 if run_of_bag(Path(arguments[-1]) / "bag") else 1
 
     monkeypatch.setattr(demo, "run_verb", looks)
     return tmp_path

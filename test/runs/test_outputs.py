@@ -5,8 +5,9 @@ import pytest
 from helpers.ros.samples import small_rig, tracked_arm
 from tracker_node.cli.nodes.tracker import OUTPUTS
 from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.bag.writer import BagExistsError
 from tracker_node.runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, MARKERS, recorded
-from tracker_node.runs.writer import RunWriter
+from tracker_node.runs.writer import RunWriter, run_of_bag
 
 
 def test_the_state_is_the_last_of_all():
@@ -49,3 +50,12 @@ def test_jpegs_have_the_names_that_image_transport_looks_for():
     topics = [output.topic for output in (*BODY_OUTPUTS, *CAMERA_OUTPUTS)]
     assert topics[-3:] == ["mask", "overlay/compressed", "masked_image/compressed"]
     assert topics[:-3] == ["twist", "pose", "joint_states", "state_covariance", "state"]
+
+
+def test_a_bag_named_bag_is_that_of_a_run_which_must_not_be_there(tmp_path):
+    assert run_of_bag(tmp_path / "bag") == tmp_path
+    assert run_of_bag(tmp_path / "other") is None
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(BagExistsError, match=r"run\.json"):
+        run_of_bag(tmp_path / "bag")
+    assert run_of_bag(tmp_path / "other") is None

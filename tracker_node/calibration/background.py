@@ -7,14 +7,17 @@ still's, brought to the recording's exposure.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ..errors import SourceError
-from ..loaders.images.source import open_source
+from ..camera.rig import CameraRig
+from ..errors import CalibrationError, SourceError
+from ..loaders.images.source import IMAGE_SUFFIXES, open_source
+from ..loaders.rig.rig_yaml import RigFile
 from ..loaders.whole_file import whole_file
 
 
@@ -77,6 +80,65 @@ def build_background(images: np.ndarray, still: np.ndarray | None = None, option
         return Background(median, known)
     matched = _exposed_like(still, median)
     return Background(np.where(known[..., None], median, np.round(matched).astype(np.uint8)), known)
+
+
+def build_backgrounds(
+    rig: CameraRig, n_images: int = 25, folder: str | Path | None = None, options: BuildOptions | None = None
+) -> Iterator[tuple[str, Background]]:
+    """Background of each camera of a rig, from its source, one after the other.
+
+    Parameters
+    ----------
+    rig : whose cameras have sources.
+    n_images : of each recording.
+    folder : with an image of the background alone for each camera, named as the camera; None: there are none.
+    options : tolerances.
+
+    Yields
+    ------
+    name, background : of a camera, in the order of the rig.
+
+    Raises
+    ------
+    TrackerError : a camera without a source or without an image in ``folder``, or one of another size; naming it.
+    """
+    for camera in rig:
+        if camera.source is None:
+            raise CalibrationError(camera.name, "has no source in the rig")
+        images = spread_images(camera.source, n_images)
+        still = None if folder is None else _image_of(Path(folder), camera.name, images.shape[1:])
+        yield camera.name, build_background(images, still, options)
+
+
+def with_backgrounds(rig_file: RigFile, paths: Mapping[str, Path]) -> RigFile:
+    """The rig file with images of the background.
+
+    Parameters
+    ----------
+    rig_file : of the same cameras.
+    paths : camera -> its image.
+
+    Returns
+    -------
+    A copy, with absolute paths.
+    """
+    cameras = {
+        name: entry.model_copy(update={"background": str(paths[name].absolute())}) if name in paths else entry
+        for name, entry in rig_file.cameras.items()
+    }
+    return rig_file.model_copy(update={"cameras": cameras})
+
+
+def _image_of(folder: Path, camera: str, shape: tuple[int, ...]) -> np.ndarray:
+    """A camera's image of the background alone, in the pixels of its recording."""
+    found = [path for suffix in IMAGE_SUFFIXES if (path := folder / f"{camera}{suffix}").exists()]
+    image = cv2.imread(str(found[0])) if found else None
+    if image is None:
+        raise SourceError(folder, f"has no image named {camera} ({', '.join(IMAGE_SUFFIXES)})")
+    if image.shape != shape:
+        sizes = f"is {image.shape[1]}x{image.shape[0]}, its recording {shape[1]}x{shape[0]}"
+        raise CalibrationError(camera, f"its image of the background {sizes}; bring the image to that size first")
+    return image
 
 
 def _where_somebody_moves(share: np.ndarray, options: BuildOptions) -> np.ndarray:

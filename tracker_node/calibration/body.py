@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError, TrackerError
+from ..errors import FileFormatError, ModelError, TrackerError
 from ..geometry import se3
+from ..loaders.motion.trajectory_file import read_states
 from ..loaders.motion.trc import MarkerTrajectories
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
@@ -261,6 +263,40 @@ def place_landmarks(
         twins = {name: positions.get(mirrored_name(name), position) for name, position in positions.items()}
         positions = {name: 0.5 * (position + mirror * twins[name]) for name, position in positions.items()}
     return with_landmarks(model, positions)
+
+
+def place_by_states(
+    model: ArticulatedModel, markers: MarkerTrajectories, states_file: str | Path, options: ScalingOptions | None = None
+) -> ArticulatedModel:
+    """The body with the landmarks where the markers of a trial are, which a run has tracked.
+
+    States and markers belong together by the time since the first of each.
+
+    Parameters
+    ----------
+    model : that the run has tracked.
+    markers : of the trial.
+    states_file : states.csv of the run.
+    options : as for `place_landmarks`.
+
+    Returns
+    -------
+    The body with its landmarks moved.
+
+    Raises
+    ------
+    FileFormatError : states of another body, or none that is not lost.
+    """
+    trajectory = read_states(states_file)
+    if tuple(trajectory.dof_names) != tuple(model.chain.dof_names):
+        raise FileFormatError(states_file, "columns", f"the degrees of freedom of {model.name}", trajectory.dof_names)
+    tracked = [i for i, row in enumerate(trajectory.rows) if row.status not in ("LOST", "INITIALIZING")]
+    if not tracked:
+        raise FileFormatError(states_file, "rows", "at least one state that is not lost", f"none in {len(trajectory.rows)} rows")
+    seconds = (trajectory.stamps_ns - trajectory.stamps_ns[0]) * 1e-9 + markers.times_s[0]
+    nearest = [int(np.abs(markers.times_s - seconds[i]).argmin()) for i in tracked]
+    states = [State.from_values(trajectory.rows[i].values) for i in tracked]
+    return place_landmarks(model, states, [targets_of(model, markers, row) for row in nearest], options)
 
 
 def robust_mean(values: np.ndarray, cut: float = 3.5) -> np.ndarray:

@@ -3,20 +3,24 @@
 A pixel of a surface of color c under the light f shows c (gain f)^(1/gamma) (`camera.light`). Pose, shape and colors of the body
 are known, so every pixel of it says something about the lights: where they are, how strong they are in each channel, and how the
 camera turns light into gray levels. All are sought at once, by least squares with a robust loss, around what the rig says; the
-first camera keeps its gain, since lights twice as strong look like gains twice as high.
+first camera keeps its gain, since lights twice as strong look like gains twice as high. A camera without an image of any pose
+stays as it is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
 from ..camera.light import SPOT_EDGE, Light
 from ..camera.rig import CameraRig
-from ..errors import CalibrationError, TrackerError
+from ..errors import CalibrationError, SourceError, TrackerError
+from ..loaders.rig.rig_yaml import RigFile, rig_file_of
 from ..model.configuration import Configuration
 from ..render.raycast.surface_samples import SurfaceSamples, surface_samples
 
@@ -56,8 +60,8 @@ class LightFit:
     Attributes
     ----------
     rig : with the lights, gains and gammas that have been found.
-    rms_before, rms_after : per camera, gray levels between image and body.
-    n_pixels : per camera.
+    rms_before, rms_after : per camera with images, gray levels between image and body.
+    n_pixels : per camera with images.
     position_sigma_m : per light, the largest standard deviation of its place; nan without one.
     """
 
@@ -90,24 +94,82 @@ def fit_lights(
 
     Raises
     ------
-    TrackerError : a rig without lights.
+    TrackerError : a rig without lights, or no image at all.
     CalibrationError : a camera that sees too little of the body between black and white.
     """
     options = options or LightFitOptions()
     if not rig.lights:
         raise TrackerError("the rig has no lights to start with: put them into its file, their kinds and about where they are")
-    views = [_CameraPixels.of(rig, i, configurations, [each[i] for each in images], options) for i in range(len(rig))]
-    problem = _Problem(rig, views, options)
+    rows = [i for i in range(len(rig)) if any(each[i] is not None for each in images)]
+    if not rows:
+        raise TrackerError("there is no image of any camera")
+    seen = rig.subset([rig.names[i] for i in rows])
+    views = [_CameraPixels.of(rig, i, configurations, [each[i] for each in images], options) for i in rows]
+    problem = _Problem(seen, views, options)
     start = np.zeros(problem.size)
-    solution = least_squares(
-        problem.residuals, start, loss="soft_l1", f_scale=options.robust_levels, x_scale="jac", max_nfev=100
-    )
+    solution = least_squares(problem.residuals, start, loss="soft_l1", f_scale=options.robust_levels, x_scale="jac", max_nfev=100)
     found = problem.rig_of(solution.x)
     rms = [{v.name: _rms(r) for v, r in zip(views, problem.differences(x), strict=True)} for x in (start, solution.x)]
+    lit = replace(rig, cameras=tuple(found[c.name] if c.name in found.names else c for c in rig), lights=found.lights)
     return LightFit(
-        found, rms[0], rms[1], {view.name: len(view.seen) for view in views}, problem.position_sigmas(solution),
+        lit, rms[0], rms[1], {view.name: len(view.seen) for view in views}, problem.position_sigmas(solution),
         bool(solution.success),
     )  # fmt: skip
+
+
+def load_pose_images(patterns: Sequence[str], names: Sequence[str]) -> list[list[np.ndarray | None]]:
+    """Images of every pose.
+
+    Parameters
+    ----------
+    patterns : of each pose, with ``{name}`` in the place of the camera's.
+    names : of the cameras.
+
+    Returns
+    -------
+    For each pose the BGR images (h, w, 3) uint8 in the order of ``names``; None where there is no such file.
+
+    Raises
+    ------
+    SourceError : a pattern without ``{name}``, a file that is no image, or no image at all.
+    """
+    images = [[_pose_image(pattern, name) for name in names] for pattern in patterns]
+    if not any(image is not None for each in images for image in each):
+        raise SourceError(patterns[0], "there is no image of any camera there")
+    return images
+
+
+def with_lights(rig_file: RigFile, fit: LightFit) -> RigFile:
+    """The rig file with lights, gains and gammas of a fit.
+
+    Parameters
+    ----------
+    rig_file : of the same cameras.
+    fit : whose cameras without images stay as they are.
+
+    Returns
+    -------
+    A copy.
+    """
+    found, cameras = rig_file_of(fit.rig), dict(rig_file.cameras)
+    for name in fit.n_pixels:
+        changes = {"gain": found.cameras[name].gain, "gamma": found.cameras[name].gamma}
+        cameras[name] = cameras[name].model_copy(update=changes)
+    return rig_file.model_copy(update={"cameras": cameras, "lights": found.lights})
+
+
+def _pose_image(pattern: str, name: str) -> np.ndarray | None:
+    """The image of a camera, or None where there is no such file."""
+    try:
+        path = Path(pattern.format(name=name))
+    except (KeyError, IndexError, ValueError) as error:
+        raise SourceError(pattern, "expected a pattern with {name}, such as 'pose1/{name}.png'") from error
+    if not path.exists():
+        return None
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise SourceError(path, "cannot be read as an image")
+    return image
 
 
 def irradiance(lights: Sequence[Light], points: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -48,6 +48,21 @@ def write_summary(folder: Path, summary: dict[str, Any]) -> None:
     write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
+def run_of_bag(bag: Path) -> Path | None:
+    """The folder of a run whose bag this is to be, where `write_summary` writes; None for a bag that stands alone.
+
+    Raises
+    ------
+    BagExistsError : a run is there.
+    """
+    if bag.name != BAG:
+        return None
+    for name in (STATES, SUMMARY):
+        if (bag.parent / name).exists():
+            raise BagExistsError(bag.parent / name)
+    return bag.parent
+
+
 class RunWriter:
     """Writes each estimate as it comes; use it in a ``with`` statement.
 

@@ -1,11 +1,14 @@
 """Drift from the delays of stretches: the line, its sigmas, and what is too short."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from tracker_node.calibration.tracked_body.rig_drift import fit_drift, stretches, with_drift
+from tracker_node.calibration.tracked_body import rig_drift
+from tracker_node.calibration.tracked_body.rig_drift import fit_clocks, fit_drift, stretches, with_drift
+from tracker_node.calibration.tracked_body.rig_fit import RigFitOptions
 from tracker_node.errors import CalibrationError
 from tracker_node.loaders.rig.rig_yaml import CameraEntry, RigFile
 
@@ -61,3 +64,31 @@ def test_the_rig_gets_offset_and_drift_from_its_first_image_on():
     own_s = 158.0 - 100.0  # since the first image, in the middle
     in_the_middle = written.time_offset_s + 1e-6 * written.time_drift_ppm * own_s
     assert in_the_middle == pytest.approx(clock["off"].later_s, abs=1e-7)
+
+
+def test_stretches_are_fitted_for_their_times_alone_with_the_cameras_of_the_whole_run(monkeypatch):
+    @dataclass(frozen=True)
+    class Images:
+        sets: tuple
+        states: tuple
+        model: object = None
+        velocities: tuple = ()
+
+        def subset(self, rows):
+            return Images(tuple(self.sets[i] for i in rows), tuple(self.states[i] for i in rows))
+
+    calls = []
+
+    def fit_rig(model, rig, sets, states, velocities, options, progress, evidence):
+        calls.append((rig, states, options, evidence))
+        return found({"off": 0.01 + 80e-6 * (1e-9 * np.mean([each.stamp_ns for each in sets]) - 158.0)})
+
+    monkeypatch.setattr(rig_drift, "fit_rig", fit_rig)
+    images = Images(tuple(SimpleNamespace(stamp_ns=round(1e9 * s)) for s in STAMPS_S), ("not fitted",) * 30)
+    whole = SimpleNamespace(rig="fitted rig", states=tuple(range(30)))
+    clock = fit_clocks(images, whole, RigFitOptions(focal=True), lambda part: len(part.sets))["off"]
+    assert clock.drift == pytest.approx(80e-6) and clock.later_s == pytest.approx(0.01)
+    assert [states for _, states, _, _ in calls] == [tuple(range(k, k + 10)) for k in (0, 10, 20)]
+    for rig, _, options, evidence in calls:
+        assert (rig, evidence) == ("fitted rig", 10)
+        assert (options.places, options.focal, options.times, options.sure_sigmas) == (False, False, True, 0.0)

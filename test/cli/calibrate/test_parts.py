@@ -1,9 +1,8 @@
-"""Parts of the calibrating commands: options in their units, times of trials, stills, clocks that are written."""
+"""Parts of the calibrating commands: options in their units, lenses, clocks that are written, lines that are printed."""
 
 import argparse
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
 
@@ -11,16 +10,9 @@ from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.board import report as board_figures
 from tracker_node.cli.calibrate import background, body, intrinsics
 from tracker_node.cli.calibrate import rig as rig_command
-from tracker_node.errors import CalibrationError, FileFormatError, SourceError
-from tracker_node.geometry import se3
-from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
-from tracker_node.loaders.motion.trc import MarkerTrajectories
+from tracker_node.errors import CalibrationError, FileFormatError
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
-from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.measures import MARKER_OF_LANDMARK
 
-MODEL = human_model()
 BOARD = ("--charuco", "4x5", "--square", "0.05")
 
 
@@ -129,45 +121,6 @@ def test_parameters_are_told_in_percent(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].split() == ["girth", "+5.1", "1.2", "10"]
     assert lines[2] == "contours: rms 2.00 -> 1.50 px, 70 lines in 20 image sets"
-
-
-def test_states_are_held_against_the_rows_of_their_time(tmp_path):
-    """Rows are at 5, 5.1 and 5.2 s; the second, lost state has no part: landmarks go up by the mean of 0 and 2 cm."""
-    pose = State.neutral(MODEL, se3.exp(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])))
-    landmarks = Configuration(MODEL, pose).landmarks_world
-    points = np.array([landmarks + np.array([0.0, 0.0, up_m]) for up_m in (0.0, 0.05, 0.02)])
-    names = tuple(MARKER_OF_LANDMARK[name] for name in MODEL.landmark_names)
-    markers = MarkerTrajectories(names, np.array([5.0, 5.1, 5.2]), points, 10.0, np.ones(points.shape[:2], bool))
-    rows = tuple(StateRow(7 * 10**9 + i * 10**8, status, "", pose.to_values()) for i, status in enumerate(
-        ("TRACKING", "LOST", "DEGRADED")))  # fmt: skip
-    write_states(tmp_path / "states.csv", StateTrajectory(MODEL.chain.dof_names, rows))
-    placed = body._placed(MODEL, markers, str(tmp_path / "states.csv"), body_options())
-    moved = placed.landmark_positions - MODEL.landmark_positions
-    np.testing.assert_allclose(moved[:, 2], 0.01, atol=1e-3)
-
-
-def body_options():
-    from tracker_node.calibration.body import ScalingOptions
-
-    return ScalingOptions(0.015)
-
-
-@pytest.mark.parametrize("status", ["LOST", "INITIALIZING"])
-def test_states_that_are_all_lost_are_refused(tmp_path, status):
-    rows = (StateRow(0, status, "", State.neutral(MODEL).to_values()),)
-    write_states(tmp_path / "states.csv", StateTrajectory(MODEL.chain.dof_names, rows))
-    with pytest.raises(FileFormatError, match=r"at least one state that is not lost.*none in 1 rows"):
-        body._placed(MODEL, None, str(tmp_path / "states.csv"), body_options())
-
-
-def test_a_still_is_found_by_the_camera_s_name_and_has_its_size(tmp_path):
-    image = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
-    cv2.imwrite(str(tmp_path / "a.png"), image)
-    np.testing.assert_array_equal(background._still(str(tmp_path), "a", (4, 6, 3)), image)
-    with pytest.raises(CalibrationError, match="its still is 6x4, its recording 8x5"):
-        background._still(str(tmp_path), "a", (5, 8, 3))
-    with pytest.raises(SourceError, match="no image named b"):
-        background._still(str(tmp_path), "b", (4, 6, 3))
 
 
 @pytest.mark.parametrize("images", [2, 0])

@@ -18,6 +18,7 @@ from tracker_node.loaders.images.source import (
     list_images,
     load_backgrounds,
     open_camera_source,
+    open_recordings,
     open_source,
     resized_backgrounds,
 )
@@ -254,3 +255,14 @@ def test_unusable_backgrounds_are_named(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((3, 4, 3), np.uint8))
     with pytest.raises(CalibrationError, match=r"cam01.*expected 40x30, got 4x3"):
         load_backgrounds(rig_with_background(tmp_path / "small.png"))
+
+
+def test_a_recording_of_each_camera_with_the_times_of_one_file(folder: Path, video: Path, tmp_path: Path) -> None:
+    opened = open_recordings({"a": str(folder), "b": str(video)})
+    assert {name: source.n_images for name, source in opened.items()} == {"a": N, "b": N}
+    stamps = tmp_path / "stamps.csv"
+    stamps.write_text("\n".join(["time", *(f"{5 + 0.1 * i:.1f}" for i in range(N))]))
+    assert [source.stamp_ns(1) for source in open_recordings({"a": str(folder)}, stamps).values()] == [5_100_000_000]
+    stamps.write_text("time\n5.0\n5.1\n")
+    with pytest.raises(SourceError, match=f"has 2 times for camera 'a', but .* has {N} images"):
+        open_recordings({"a": str(folder)}, stamps)

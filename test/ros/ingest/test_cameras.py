@@ -8,7 +8,7 @@ import pytest
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
-from tracker_node.errors import CalibrationError, SourceError, UnknownNameError
+from tracker_node.errors import CalibrationError, SourceError, TrackerError, UnknownNameError
 from tracker_node.loaders.images.source import SourceOptions
 from tracker_node.loaders.rig.camera_info import dump_camera_info
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -53,3 +53,19 @@ def test_recordings_of_different_clocks_are_refused(rig, tmp_path):
     chosen = chosen_cameras(CameraRig(tuple(cameras)))
     with pytest.raises(SourceError, match=r"camera 'cam2' begins 1700000000 s after camera 'cam1': .* different clocks"):
         open_cameras(chosen, SourceOptions())
+
+
+def test_cameras_that_a_tracker_can_follow(rig):
+    recorded = open_cameras(chosen_cameras(rig), SourceOptions())
+    recorded.check_trackable(real_time=False)
+    assert recorded.n_sets() == 12 and recorded.n_sets(loop=True) is None
+    live = open_cameras(chosen_cameras(rig, sources={"cam3": "rtsp://host/a"}), SourceOptions())
+    live.check_trackable(real_time=True)
+    assert live.n_sets() is None
+    with pytest.raises(TrackerError, match="cam3: live cameras do not wait"):
+        live.check_trackable(real_time=False)
+    undecoded = open_cameras(
+        chosen_cameras(rig, sources={"cam3": "rtsp://host/a"}, changes=[("cam3", "publish", "jpeg")]), SourceOptions()
+    )
+    with pytest.raises(TrackerError, match="cam3: publish: jpeg gives no pixels"):
+        undecoded.check_trackable(real_time=True)

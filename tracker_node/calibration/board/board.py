@@ -58,12 +58,31 @@ class Board:
         return self.square_m * np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
     @property
+    def n_markers(self) -> int:
+        """Markers on a ChArUco board, one on every second square."""
+        return self.columns * self.rows // 2 if self.kind == "charuco" else 0
+
+    @property
     def turns_unseen(self) -> bool:
         """True for a chessboard that looks the same upside down: cameras would not agree on which corner is which."""
         return self.kind == "chessboard" and (self.columns + self.rows) % 2 == 0
 
     def __str__(self) -> str:
         return f"{self.kind} {self.columns}x{self.rows}, squares of {1e3 * self.square_m:g} mm"
+
+
+def dictionaries() -> list[str]:
+    """Names of the dictionaries of markers that OpenCV has."""
+    return [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
+
+
+def n_markers(dictionary: str) -> int:
+    """Number of the markers of a dictionary."""
+    return len(_markers(dictionary).bytesList)
+
+
+def _markers(dictionary: str) -> cv2.aruco.Dictionary:
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +116,8 @@ class BoardDetector:
     def __init__(self, board: Board, least_corners: int = 6):
         self.board, self._least = board, least_corners
         if board.kind == "charuco":
-            markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
             size = board.square_m, board.square_m * board.marker_share
-            charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), *size, markers)
+            charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), *size, _markers(board.dictionary))
             charuco.setLegacyPattern(board.legacy)
             self._charuco = cv2.aruco.CharucoDetector(charuco)
 
@@ -211,9 +229,7 @@ def _axes_at(H: np.ndarray, point: np.ndarray) -> np.ndarray:
     return (H[:2, :2] - np.outer(x[:2] / x[2], H[2, :2])) / x[2]
 
 
-def _edge_widths(
-    gray: np.ndarray, du: np.ndarray, dv: np.ndarray, pixel: np.ndarray, axes: np.ndarray
-) -> tuple[float, float]:
+def _edge_widths(gray: np.ndarray, du: np.ndarray, dv: np.ndarray, pixel: np.ndarray, axes: np.ndarray) -> tuple[float, float]:
     """Widths of the edges along both axes of the board around one corner."""
     u, v = np.rint(pixel).astype(int)
     window = slice(max(v - _EDGE_PX, 0), v + _EDGE_PX + 1), slice(max(u - _EDGE_PX, 0), u + _EDGE_PX + 1)

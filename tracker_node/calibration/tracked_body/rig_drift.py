@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...errors import CalibrationError
 from ...loaders.rig.rig_yaml import RigFile
-from .rig_fit import SURE_SIGMAS, RigFit
+from ...runs.images import RunImages
+from .body_fit import Progress
+from .lines import LineEvidence
+from .rig_fit import SURE_SIGMAS, RigFit, RigFitOptions, fit_rig
 
 LEAST_SPAN_S = 10.0  # between the middles of the first and the last stretch
 _LEAST_SETS = 3
@@ -59,6 +62,43 @@ def stretches(stamps_s: Sequence[float], n: int = 3) -> list[np.ndarray]:
         problem = f"drift needs a run of {least_s:.0f} s, with {_LEAST_SETS} image sets in each of {n} stretches"
         raise CalibrationError("all", f"{problem}; here {edges[-1] - edges[0]:.1f} s, {min(len(p) for p in parts)} in one")
     return parts
+
+
+def fit_clocks(
+    images: RunImages,
+    fit: RigFit,
+    options: RigFitOptions,
+    evidence_of: Callable[[RunImages], LineEvidence],
+    progress: Progress | None = None,
+) -> dict[str, ClockDrift]:
+    """Clocks from fits to stretches of a run, with the cameras where a fit to all of it has them.
+
+    Parameters
+    ----------
+    images : of the run.
+    fit : of the rig to all of them.
+    options : of that fit.
+    evidence_of : contour evidence of some image sets.
+    progress : told of the rounds of every stretch.
+
+    Returns
+    -------
+    Camera -> its clock.
+
+    Raises
+    ------
+    CalibrationError : a run that is too short for `stretches`.
+    """
+    stamps_s = [1e-9 * image_set.stamp_ns for image_set in images.sets]
+    only_times = replace(options, places=False, focal=False, sure_sigmas=0.0)
+    images = replace(images, states=fit.states)
+
+    def fit_stretch(rows: np.ndarray) -> RigFit:
+        part = images.subset(rows)
+        found = evidence_of(part)
+        return fit_rig(part.model, fit.rig, part.sets, part.states, part.velocities, only_times, progress, evidence=found)
+
+    return fit_drift(stamps_s, stretches(stamps_s), fit_stretch)
 
 
 def fit_drift(

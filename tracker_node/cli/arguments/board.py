@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...errors import FileFormatError, SourceError, TrackerError, UnknownNameError
+from ...errors import FileFormatError, TrackerError, UnknownNameError
 from .cameras import size_option
 
 if TYPE_CHECKING:
@@ -61,13 +61,12 @@ def add_markers(parser: argparse.ArgumentParser) -> None:
 
 def check_markers(args: argparse.Namespace) -> None:
     """Raise a `TrackerError` for markers that no board has, naming the option."""
-    import cv2
+    from ...calibration.board.board import dictionaries
 
     if not 0.1 <= args.marker_share < 1.0:
         raise wrong_option("--marker-share", "0.1 or more, and less than 1", args.marker_share)
-    names = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
-    if args.dictionary not in names:
-        raise UnknownNameError("dictionary", args.dictionary, names)
+    if args.dictionary not in dictionaries():
+        raise UnknownNameError("dictionary", args.dictionary, dictionaries())
 
 
 def board_of(args: argparse.Namespace) -> Board:
@@ -77,9 +76,7 @@ def board_of(args: argparse.Namespace) -> Board:
     ------
     FileFormatError, UnknownNameError : naming the option.
     """
-    import cv2
-
-    from ...calibration.board.board import Board
+    from ...calibration.board.board import Board, n_markers
 
     option, text = ("--charuco", args.charuco) if args.charuco else ("--chessboard", args.chessboard)
     columns, rows = size_option(option, text, "columns x rows from 3x3 to 100x100, such as 4x5", 3, 100)
@@ -88,11 +85,13 @@ def board_of(args: argparse.Namespace) -> Board:
         raise wrong_option("--square", f"the edge of a square in meters, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
     check_markers(args)
     kind = "charuco" if args.charuco else "chessboard"
-    n_markers = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, args.dictionary)).bytesList)
-    if kind == "charuco" and columns * rows // 2 > n_markers:
-        expected = f"a board of at most the {n_markers} markers of {args.dictionary}, one on every second square"
-        raise wrong_option(option, expected, text)
-    return Board(kind, columns, rows, args.square, args.marker_share, args.dictionary, args.inverted, args.legacy)
+    board = Board(kind, columns, rows, args.square, args.marker_share, args.dictionary, args.inverted, args.legacy)
+    if board.n_markers > n_markers(board.dictionary):
+        most = n_markers(board.dictionary)
+        raise wrong_option(
+            option, f"a board of at most the {most} markers of {board.dictionary}, one on every second square", text
+        )
+    return board
 
 
 def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str, ImageSource]:
@@ -111,23 +110,17 @@ def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str,
     ------
     TrackerError : two cameras of one name, or a recording that cannot be read; naming it.
     """
-    from ...loaders.images.source import open_source
-    from ...loaders.images.stamps import load_stamp_file
+    from ...loaders.images.source import open_recordings
 
     if args.images < 10:
         raise wrong_option("--images", "at least 10", args.images)
-    sources: dict[str, ImageSource] = {}
+    paths: dict[str, str] = {}
     for text in args.videos:
         name, path = _name_and_path(text)
-        if name in sources:
+        if name in paths:
             raise TrackerError(f"two recordings for camera '{name}'; name them: --videos left={path} right=...")
-        times = load_stamp_file(stamps, name) if stamps else None
-        source = open_source(path, times_ns=times)
-        if times is not None and len(times) != source.n_images:
-            problem = f"has {len(times)} times for camera '{name}', but {path} has {source.n_images} images"
-            raise SourceError(str(stamps), problem)
-        sources[name] = source
-    return sources
+        paths[name] = path
+    return open_recordings(paths, stamps)
 
 
 def detect(

@@ -27,53 +27,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.background import build_background, spread_images, write_image
-    from ...errors import CalibrationError, FileFormatError
+    from ...calibration.background import build_backgrounds, with_backgrounds, write_image
+    from ...errors import FileFormatError
     from ...loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
 
     if args.images < 3:
         raise FileFormatError("command line", "--images", "at least 3", args.images)
     rig_file, base = read_rig_file(args.rig), Path(args.rig).parent
     rig = build_rig(rig_file, base)
-    backgrounds = {name: Path(args.output_dir) / f"{name}.png" for name in rig.names}
-    refuse_to_overwrite(args, *backgrounds.values(), *([args.output] if args.output else []))
-    images_of = {}
-    for camera in rig:
-        if camera.source is None:
-            raise CalibrationError(camera.name, f"has no source in {args.rig}")
-        images = spread_images(camera.source, args.images)
-        still = _still(args.stills, camera.name, images.shape[1:]) if args.stills else None
-        found = build_background(images, still)
-        images_of[camera.name] = found.image
-        unknown = 100.0 * (1.0 - float(found.known.mean()))
-        rest = "from the still" if still is not None else "not known, somebody is there too often"
-        print(f"{camera.name}: {unknown:.1f} % of the background {rest}", flush=True)
-    for name, image in images_of.items():
-        write_image(backgrounds[name], image)
-        print(f"wrote {backgrounds[name]}")
+    paths = {name: Path(args.output_dir) / f"{name}.png" for name in rig.names}
+    refuse_to_overwrite(args, *paths.values(), *([args.output] if args.output else []))
+    images = {}
+    for name, background in build_backgrounds(rig, args.images, args.stills):
+        images[name] = background.image
+        unknown = 100.0 * (1.0 - float(background.known.mean()))
+        rest = "from the still" if args.stills else "not known, somebody is there too often"
+        print(f"{name}: {unknown:.1f} % of the background {rest}", flush=True)
+    for name, image in images.items():
+        write_image(paths[name], image)
+        print(f"wrote {paths[name]}")
     if args.output:
-        entries = {
-            name: entry.model_copy(update={"background": str(backgrounds[name].absolute())})
-            for name, entry in rig_file.cameras.items()
-        }
-        write_rig_file(rig_file.model_copy(update={"cameras": entries}), args.output, base_dir=base)
+        write_rig_file(with_backgrounds(rig_file, paths), args.output, base_dir=base)
         print(f"wrote {args.output}")
     return 0
-
-
-def _still(folder: str, camera: str, shape: tuple[int, ...]):
-    import cv2
-
-    from ...errors import CalibrationError, SourceError
-    from ...loaders.images.source import IMAGE_SUFFIXES
-
-    found = [Path(folder) / f"{camera}{suffix}" for suffix in IMAGE_SUFFIXES if (Path(folder) / f"{camera}{suffix}").exists()]
-    image = cv2.imread(str(found[0])) if found else None
-    if image is None:
-        raise SourceError(folder, f"has no image named {camera} ({', '.join(IMAGE_SUFFIXES)})")
-    if image.shape != shape:
-        size = f"{image.shape[1]}x{image.shape[0]}"
-        raise CalibrationError(
-            camera, f"its still is {size}, its recording {shape[1]}x{shape[0]}; bring the still to that size first"
-        )
-    return image

@@ -60,7 +60,7 @@ def add_up_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.body import ScalingOptions, model_stature, scale_to_stature, scale_to_trial
+    from ...calibration.body import ScalingOptions, model_stature, place_by_states, scale_to_stature, scale_to_trial
     from ...loaders.model.model_yaml import dump_model, load_model
     from ...loaders.motion.trc import load_trc
     from ...model.humans.human import human_model
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.trc:
         scaled = scale_to_stature(model, args.stature)
     elif args.states:
-        scaled = _placed(model, load_trc(args.trc, args.y_up), args.states, options)
+        scaled = place_by_states(model, load_trc(args.trc, args.y_up), args.states, options)
         print(f"placed the landmarks of {model.name} by the states of {args.states}")
     else:
         trial = load_trc(args.trc, args.y_up)
@@ -107,9 +107,7 @@ def _fit_to_images(args: argparse.Namespace) -> int:
     options = BodyFitOptions(symmetric=not args.asymmetric, groups=tuple(args.only), config=run.config)
     progress = None if args.quiet else StageProgress("calibrate body")
     evidence = evidence_of(args.evidence, run)
-    fit = fit_body(
-        run.model, run.rig, run.sets, run.states, options, progress, evidence=evidence, velocities=run.velocities
-    )
+    fit = fit_body(run.model, run.rig, run.sets, run.states, options, progress, evidence=evidence, velocities=run.velocities)
     comment = f"{fit.model.name}, fitted to {len(run.sets)} image sets of {args.from_run}. Units: meters, degrees."
     dump_model(fit.model, args.output, f"{comment} Format: docs/formats.md.")
     write_body_report(page, run.model, run.rig, run.sets, fit)
@@ -137,23 +135,6 @@ def check(condition: object, option: str, expected: str, got: object = "nothing"
     """
     if not condition:
         raise FileFormatError("command line", option, expected, got)
-
-
-def _placed(model, markers, states_file: str, options):
-    from ...calibration.body import place_landmarks, targets_of
-    from ...loaders.motion.trajectory_file import read_states
-    from ...model.configuration import State
-
-    trajectory = read_states(states_file)
-    if tuple(trajectory.dof_names) != tuple(model.chain.dof_names):
-        raise FileFormatError(states_file, "columns", f"the degrees of freedom of {model.name}", trajectory.dof_names)
-    tracked = [i for i, row in enumerate(trajectory.rows) if row.status not in ("LOST", "INITIALIZING")]
-    if not tracked:
-        raise FileFormatError(states_file, "rows", "at least one state that is not lost", f"none in {len(trajectory.rows)} rows")
-    seconds = (trajectory.stamps_ns - trajectory.stamps_ns[0]) * 1e-9 + markers.times_s[0]
-    nearest = [int(abs(markers.times_s - seconds[i]).argmin()) for i in tracked]  # by time since the first image
-    states = [State.from_values(trajectory.rows[i].values) for i in tracked]
-    return place_landmarks(model, states, [targets_of(model, markers, row) for row in nearest], options)
 
 
 def _comment(name: str, args: argparse.Namespace) -> str:

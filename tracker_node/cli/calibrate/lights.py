@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import numpy as np
-
-from ...errors import FileFormatError, SourceError
+from ...errors import FileFormatError
 from ..arguments.run_images import refuse_to_overwrite
 
 SUMMARY = "find lights, and gain and gamma of every camera, from images of a body in known poses"
@@ -32,10 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.light_fit import LightFitOptions, fit_lights
+    from ...calibration.light_fit import LightFitOptions, fit_lights, load_pose_images, with_lights
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
-    from ...loaders.rig.rig_yaml import build_rig, read_rig_file, rig_file_of, write_rig_file
+    from ...loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
     from ...model.configuration import Configuration
 
     refuse_to_overwrite(args, args.output)
@@ -46,47 +44,21 @@ def run(args: argparse.Namespace) -> int:
     rig_file, model = read_rig_file(args.rig), load_model(args.model)
     rig = build_rig(rig_file, Path(args.rig).parent)
     configurations = [Configuration(model, load_state(path, model)) for path in args.state]
-    images = [[_image(pattern, name) for name in rig.names] for pattern in args.images]
-    seen = [name for i, name in enumerate(rig.names) if any(each[i] is not None for each in images)]
-    if not seen:
-        raise SourceError(args.images[0], "there is no image of any camera there")
-    chosen = [[each[rig.names.index(name)] for name in seen] for each in images]
     options = LightFitOptions(free_cameras=not args.keep_cameras, position_sigma_m=args.position_sigma_m)
-    fit = fit_lights(rig.subset(seen), configurations, chosen, options)
-    found = rig_file_of(fit.rig)
-    cameras = {
-        name: entry.model_copy(update={"gain": found.cameras[name].gain, "gamma": found.cameras[name].gamma})
-        if name in found.cameras else entry
-        for name, entry in rig_file.cameras.items()
-    }  # fmt: skip
-    changed = rig_file.model_copy(update={"cameras": cameras, "lights": found.lights})
-    write_rig_file(changed, args.output, base_dir=Path(args.rig).parent)
+    fit = fit_lights(rig, configurations, load_pose_images(args.images, rig.names), options)
+    write_rig_file(with_lights(rig_file, fit), args.output, base_dir=Path(args.rig).parent)
     _print(rig, fit)
-    left_out = [name for name in rig.names if name not in seen]
+    left_out = [name for name in rig.names if name not in fit.n_pixels]
     if left_out:
         print(f"note: no images of {', '.join(left_out)}; gain and gamma stay as they were")
     print(f"wrote {args.output}")
     return 0
 
 
-def _image(pattern: str, name: str) -> np.ndarray | None:
-    """The image of a camera, or None where there is no such file."""
-    import cv2
-
-    try:
-        path = Path(pattern.format(name=name))
-    except (KeyError, IndexError, ValueError) as error:
-        raise SourceError(pattern, "expected a pattern with {name}, such as 'pose1/{name}.png'") from error
-    if not path.exists():
-        return None
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise SourceError(path, "cannot be read as an image")
-    return image
-
-
 def _print(rig, fit) -> None:
     """What has been found, as two tables."""
+    import numpy as np
+
     print(f"{'camera':12} {'pixels':>7} {'rms levels':>16} {'gain':>20} {'gamma':>6}")
     for name, before in fit.rms_before.items():
         camera = fit.rig[name]

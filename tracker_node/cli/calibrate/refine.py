@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from ..arguments.run_images import add_run_arguments, evidence_of, load_run_images, named_file, refuse_to_overwrite
@@ -63,7 +63,7 @@ def _from_run(args: argparse.Namespace) -> int:
     """Places and clocks from the images in which a run has tracked a body."""
     from ...calibration.tracked_body.body_fit import BodyFitOptions
     from ...calibration.tracked_body.report import rig_figures, write_rig_report
-    from ...calibration.tracked_body.rig_drift import drift_metrics, stretches, with_drift
+    from ...calibration.tracked_body.rig_drift import drift_metrics, fit_clocks, stretches, with_drift
     from ...calibration.tracked_body.rig_fit import RigFitOptions, fit_rig, with_fit
     from ...loaders.rig.rig_yaml import read_rig_file, write_rig_file
     from ...report.metrics_file import write_metrics
@@ -88,7 +88,7 @@ def _from_run(args: argparse.Namespace) -> int:
     progress = None if args.quiet else StageProgress("calibrate refine")
     evidence = evidence_of(args.evidence, images)
     fit = fit_rig(images.model, images.rig, images.sets, images.states, images.velocities, options, progress, evidence=evidence)
-    clocks = _drift(args, images, fit, options, progress) if args.drift else {}
+    clocks = fit_clocks(images, fit, options, partial(evidence_of, args.evidence), progress) if args.drift else {}
     rig_path = named_file(args, run_info(args.from_run), "rig")
     rig_file = with_drift(with_fit(read_rig_file(rig_path), fit), fit, clocks, images.begins_s)
     write_rig_file(rig_file, args.output, base_dir=Path(rig_path).parent)
@@ -99,23 +99,6 @@ def _from_run(args: argparse.Namespace) -> int:
         print(f"{name:12} drift {1e6 * clock.drift:8.1f} +- {1e6 * clock.drift_sigma:6.1f} ppm")
     print(f"wrote {args.output}, {page} and {report}")
     return 0
-
-
-def _drift(args: argparse.Namespace, images, fit, options, progress):
-    """Clocks by stretches of the run, the cameras where ``fit`` has them."""
-    from ...calibration.tracked_body.rig_drift import fit_drift, stretches
-    from ...calibration.tracked_body.rig_fit import fit_rig
-
-    stamps_s = [1e-9 * image_set.stamp_ns for image_set in images.sets]
-    options = replace(options, places=False, focal=False, sure_sigmas=0.0)
-    images = replace(images, states=fit.states)
-
-    def fit_stretch(rows):
-        part = images.subset(rows)
-        evidence = evidence_of(args.evidence, part)
-        return fit_rig(part.model, fit.rig, part.sets, part.states, part.velocities, options, progress, evidence=evidence)
-
-    return fit_drift(stamps_s, stretches(stamps_s), fit_stretch)
 
 
 def _print_cameras(fit) -> None:

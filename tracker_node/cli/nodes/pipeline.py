@@ -51,14 +51,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ...errors import TrackerError
     from ...loaders.rig.rig_yaml import load_rig
+    from ...ros.ingest.cameras import open_cameras
     from ...ros.pipeline import PipelineOptions, run_pipeline
-    from ...runs.writer import write_summary
+    from ...runs.writer import run_of_bag, write_summary
 
     recording = fill_in(args, BUILT_IN)
     if args.bag is None and args.output is not None:
         args.bag = args.output / "bag"
     rig = load_rig(args.rig)
-    readable, n_images = _look_at_sources(rig, args)
+    opened = open_cameras(cameras_of(rig, args), source_options(args))  # the ingest will tell the problems too
+    opened.check_trackable(args.real_time)
+    n_sets = opened.n_sets(args.loop)
     if args.cameras:
         rig = rig.subset(args.cameras)
     _check_files(rig, args)
@@ -68,10 +71,10 @@ def run(args: argparse.Namespace) -> int:
     if args.bag is not None and args.bag.exists():
         raise TrackerError(f"--bag {args.bag}: there is something already")
     options = PipelineOptions(
-        body=_body_options(args, readable),
+        body=_body_options(args, list(opened.cameras)),
         source=_source_options(args),
         sources=dict(args.source),
-        cameras=tuple(readable),
+        cameras=tuple(opened.cameras),
         bag=args.bag,
         masks=args.masks,
         overlays=args.overlays,
@@ -80,10 +83,10 @@ def run(args: argparse.Namespace) -> int:
         images=args.images,
         recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
         lossless=not args.real_time,
-        n_expected=n_images,
+        n_expected=n_sets,
         ros_args=with_topics(args.ros_args, rig, {}),
     )
-    folder, start = _run_folder(args), start_of_live_run(args, n_images)
+    folder, start = run_of_bag(args.bag) if args.bag else None, start_of_live_run(args, n_sets)
     if folder is not None:
         write_summary(folder, start)  # now, for a run that is killed
     status, progress, interrupted = run_pipeline(options)
@@ -101,24 +104,6 @@ def run(args: argparse.Namespace) -> int:
     if status == 0 and arguments:
         status = run_verb(*arguments)
     return status or untracked
-
-
-def _run_folder(args: argparse.Namespace) -> Path | None:
-    """Where `evaluate` looks for ``run.json``: above the bag; None for a bag that stands alone.
-
-    Raises
-    ------
-    BagExistsError : a run is there.
-    """
-    from ...loaders.bag.writer import BagExistsError
-    from ...runs.writer import BAG, STATES, SUMMARY
-
-    if args.bag is None or args.bag.name != BAG:
-        return None
-    for name in (STATES, SUMMARY):
-        if (args.bag.parent / name).exists():
-            raise BagExistsError(args.bag.parent / name)
-    return args.bag.parent
 
 
 def _check_files(rig, args: argparse.Namespace) -> None:
@@ -165,23 +150,3 @@ def _source_options(args: argparse.Namespace) -> list[str]:
     if args.capture:
         result += ["--capture", *args.capture]
     return result + [flag for name, flag in (("compressed", "--compressed"), ("loop", "--loop")) if getattr(args, name)]
-
-
-def _look_at_sources(rig, args: argparse.Namespace) -> tuple[list[str], int | None]:
-    """Cameras that can be read, and how many image sets to expect of them; None if that is not known.
-
-    Raises
-    ------
-    TrackerError : when not a single camera can be read, or one gives what cannot be tracked in this way.
-    """
-    from ...errors import TrackerError
-    from ...ros.ingest.cameras import open_cameras
-
-    opened = open_cameras(cameras_of(rig, args), source_options(args))  # the ingest will tell the problems too
-    if opened.live and not args.real_time:
-        raise TrackerError(f"{', '.join(opened.live)}: live cameras do not wait for the tracker: give --real-time")
-    undecoded = [name for name, camera in opened.cameras.items() if camera.capture.publish == "jpeg"]
-    if undecoded:
-        raise TrackerError(f"{', '.join(undecoded)}: publish: jpeg gives no pixels to track; use color or mono")
-    endless = args.loop or opened.live
-    return list(opened.cameras), None if endless else min(source.n_images for source in opened.recorded.values())

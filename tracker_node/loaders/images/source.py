@@ -9,7 +9,7 @@ import glob
 import itertools
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from ..source_address import BAG, parse_source
 from .bag_source import BagSource, topic_of_camera
 from .file_sources import DEFAULT_FOLDER_RATE_HZ, IMAGE_SUFFIXES, FolderSource, VideoSource, list_images
 from .recorded_source import ImageSource, ReadCounts, SourceOptions
-from .stamps import field_times, file_times
+from .stamps import field_times, file_times, load_stamp_file
 
 __all__ = [
     "DEFAULT_FOLDER_RATE_HZ",
@@ -40,6 +40,7 @@ __all__ = [
     "VideoSource",
     "list_images",
     "open_camera_source",
+    "open_recordings",
     "open_source",
 ]
 
@@ -152,6 +153,32 @@ def open_source(path: str | Path, options: SourceOptions | None = None, **change
     if Path(text).suffix.lower() in IMAGE_SUFFIXES:
         return FolderSource(glob.escape(text), options)
     return VideoSource(text, options)
+
+
+def open_recordings(paths: Mapping[str, str], stamp_file: str | Path | None = None) -> dict[str, ImageSource]:
+    """Open a recording of each camera.
+
+    Parameters
+    ----------
+    paths : camera -> its recording.
+    stamp_file : with the times of all cameras, see `stamps.load_stamp_file`; None: the recordings' own.
+
+    Returns
+    -------
+    sources : by camera.
+
+    Raises
+    ------
+    TrackerError : a recording that cannot be read, or has another number of images than the file has times; naming it.
+    """
+    sources = {}
+    for name, path in paths.items():
+        times = load_stamp_file(stamp_file, name) if stamp_file else None
+        source = sources[name] = open_source(path, times_ns=times)
+        if times is not None and len(times) != source.n_images:
+            problem = f"has {len(times)} times for camera '{name}', but {path} has {source.n_images} images"
+            raise SourceError(str(stamp_file), problem)
+    return sources
 
 
 def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> ImageSource:

@@ -79,6 +79,23 @@ class OpenedCameras:
     def live(self) -> tuple[str, ...]:
         return tuple(name for name in self.cameras if name not in self.recorded)
 
+    def n_sets(self, loop: bool = False) -> int | None:
+        """Image sets to expect; None where the images have no end."""
+        return None if loop or self.live else min(source.n_images for source in self.recorded.values())
+
+    def check_trackable(self, real_time: bool) -> None:
+        """Check that a tracker beside the ingest can follow these cameras.
+
+        Raises
+        ------
+        TrackerError : live cameras that are to wait for the tracker, or images that have no pixels; naming them.
+        """
+        if self.live and not real_time:
+            raise TrackerError(f"{', '.join(self.live)}: live cameras do not wait for the tracker: give --real-time")
+        undecoded = [name for name, camera in self.cameras.items() if camera.capture.publish == "jpeg"]
+        if undecoded:
+            raise TrackerError(f"{', '.join(undecoded)}: publish: jpeg gives no pixels to track; use color or mono")
+
 
 def chosen_cameras(
     rig: CameraRig | None,
