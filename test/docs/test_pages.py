@@ -159,6 +159,13 @@ def test_architecture_draws_the_layers_that_the_import_contract_holds(repository
     assert packages | modules == {name for layer in contracts[0]["layers"] for name in layer.split(" | ")}
 
 
+def test_every_package_has_a_contract_of_its_inside(repository):
+    contracts = tomllib.loads((repository / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    inside = {each["containers"][0] for each in contracts if each["name"] == f"Inside {each.get('containers', [''])[0][13:]}"}
+    packages = {f"tracker_node.{folder.parent.name}" for folder in (repository / "tracker_node").glob("*/__init__.py")}
+    assert packages <= inside
+
+
 def test_every_package_says_what_lives_there_and_where_to_begin(repository):
     for file in (repository / "tracker_node").rglob("__init__.py"):
         text = ast.get_docstring(ast.parse(file.read_text())) or ""
