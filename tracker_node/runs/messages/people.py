@@ -1,0 +1,119 @@
+"""People in messages: what a detector has found in one image, there and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import CalibrationError
+from ...loaders.bag.message_types import stamp_ns_of
+from ...observation.image_set import CameraImage
+from ...observation.keypoints.checked import checked
+from ...observation.keypoints.people import People, Person, Silhouette
+from .cameras import image as image_message
+from .parts import Content, header
+
+_UNKNOWN = -1  # number of a person
+_NO_PIXELS = np.zeros((0, 0), np.uint8)
+
+
+def keypoints(image: CameraImage, frame_id: str, detector: str = "") -> Content:
+    """tracker_msgs/Keypoints: the people of an image.
+
+    Parameters
+    ----------
+    image : in which a detector has looked.
+    frame_id : name of the camera's optical frame.
+    detector : what has looked, for people.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
+    people = image.people or ()
+    return {
+        "header": header(image.stamp_ns, frame_id),
+        "camera": image.camera,
+        "detector": detector,
+        "names": people[0].names if people else (),
+        "persons": [_person(person, image.stamp_ns, frame_id) for person in people],
+    }
+
+
+def people_of(message: Any) -> People:
+    """The people in a tracker_msgs/Keypoints of a graph or of a bag.
+
+    Impossible points are as if they had not been found (`observation.keypoints.checked`).
+
+    Parameters
+    ----------
+    message : the Keypoints.
+
+    Returns
+    -------
+    people : in the order of the message.
+
+    Raises
+    ------
+    CalibrationError : not one number for each point, a box that is none, or a silhouette that is no image; names the camera.
+    """
+    names = tuple(str(name) for name in message.names)
+    try:
+        return tuple(_person_of(names, person) for person in message.persons)
+    except ValueError as problem:
+        raise CalibrationError(str(message.camera), f"keypoints at {stamp_ns_of(message.header.stamp)} ns: {problem}") from None
+
+
+def _person(person: Person, stamp_ns: int, frame_id: str) -> Content:
+    content = {
+        "number": _UNKNOWN,
+        "score": person.score,
+        "box": np.asarray(person.box, dtype=np.float64),
+        "u": person.pixels[:, 0],
+        "v": person.pixels[:, 1],
+        "scores": person.scores,
+        "covariance_uu": person.covariances[:, 0, 0],
+        "covariance_uv": person.covariances[:, 0, 1],
+        "covariance_vv": person.covariances[:, 1, 1],
+        "silhouette_u": 0,
+        "silhouette_v": 0,
+        "silhouette": image_message(stamp_ns, frame_id, _NO_PIXELS, "mono8"),
+    }
+    if person.silhouette is not None:
+        content["silhouette_u"], content["silhouette_v"] = person.silhouette.origin
+        content["silhouette"] = image_message(stamp_ns, frame_id, person.silhouette.probabilities, "mono8")
+    return content
+
+
+def _person_of(names: tuple[str, ...], message: Any) -> Person:
+    pixels = _columns(message, names, ("u", "v"))
+    uu, uv, vv = _columns(message, names, ("covariance_uu", "covariance_uv", "covariance_vv")).T
+    covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
+    scores = _columns(message, names, ("scores",))[:, 0]
+    left, top, right, bottom = (float(number) for number in message.box)
+    box = left, top, right, bottom
+    return checked(Person(names, pixels, covariances, scores, float(message.score), box, _silhouette_of(message)))
+
+
+def _columns(message: Any, names: Sequence[str], fields: Sequence[str]) -> np.ndarray:
+    """(n, k) float64 of k fields with one number for each of n points."""
+    columns = [np.array(getattr(message, field), dtype=np.float64) for field in fields]
+    for field, column in zip(fields, columns, strict=True):
+        if len(column) != len(names):
+            raise ValueError(f"expected {len(names)} numbers in {field}, one for each name, got {len(column)}")
+    return np.stack(columns, axis=1)
+
+
+def _silhouette_of(message: Any) -> Silhouette | None:
+    image = message.silhouette
+    width, height, step = int(image.width), int(image.height), int(image.step)
+    if not width or not height:
+        return None
+    data = np.frombuffer(image.data, np.uint8)
+    if image.encoding != "mono8" or step < width or data.size < height * step:
+        got = f"{image.encoding} {width}x{height}, {step} bytes a row, {data.size} in all"
+        raise ValueError(f"silhouette: expected mono8 with all of its bytes, got {got}")
+    pixels = data[: height * step].reshape(height, step)[:, :width].copy()
+    return Silhouette(pixels, (int(message.silhouette_u), int(message.silhouette_v)))
