@@ -17,7 +17,7 @@ COPY config config
 COPY launch launch
 COPY resource resource
 COPY tracker_node tracker_node
-RUN pip install --no-cache-dir ".[studio,data]"
+RUN pip install --no-cache-dir ".[studio,data,keypoints]"
 
 # Compiled code and what is written belong to whoever runs it.
 RUN useradd --create-home tracker

