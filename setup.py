@@ -30,6 +30,7 @@ RUNTIME_REQUIREMENTS = [
 # Extras: what only one part needs, which says so where it is missing (`errors.extra_module`).
 STUDIO_REQUIREMENTS = ["starlette>=0.40", "uvicorn>=0.30", "websockets>=13.0"]
 KEYPOINTS_REQUIREMENTS = ["ai-edge-litert>=2.3"]
+H5_REQUIREMENTS = ["h5py>=3.9"]
 DATA_REQUIREMENTS = ["pandas>=2.2", "xarray>=2024.1"]
 DOCS_REQUIREMENTS = ["furo", "myst-parser", "sphinx"]
 # Only where ROS does not come from apt.
@@ -110,9 +111,17 @@ setup(
         "ros": ROS_REQUIREMENTS,
         "studio": STUDIO_REQUIREMENTS,
         "keypoints": KEYPOINTS_REQUIREMENTS,
+        "h5": H5_REQUIREMENTS,
         "data": DATA_REQUIREMENTS,
         "docs": DOCS_REQUIREMENTS,
-        "test": [*TEST_REQUIREMENTS, *STUDIO_REQUIREMENTS, *KEYPOINTS_REQUIREMENTS, *DATA_REQUIREMENTS, *DOCS_REQUIREMENTS],
+        "test": [
+            *TEST_REQUIREMENTS,
+            *STUDIO_REQUIREMENTS,
+            *KEYPOINTS_REQUIREMENTS,
+            *H5_REQUIREMENTS,
+            *DATA_REQUIREMENTS,
+            *DOCS_REQUIREMENTS,
+        ],
     },
     entry_points={"console_scripts": [f"{PACKAGE} = {PACKAGE}.cli.main:main"]},
     zip_safe=True,

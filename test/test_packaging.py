@@ -157,7 +157,7 @@ def imported_packages(file: Path) -> set[str]:
 def test_packages_of_extras_are_imported_by_their_part_alone(repository: Path) -> None:
     """So that all others run without them; where they are needed, `errors.extra_module` says what installs them."""
     parts = {"starlette": "studio", "uvicorn": "studio", "websockets": "studio", "pandas": "", "xarray": ""}
-    parts["ai_edge_litert"] = "observation"
+    parts |= {"ai_edge_litert": "observation", "h5py": "loaders"}
     for file in (repository / "tracker_node").rglob("*.py"):
         part = file.relative_to(repository / "tracker_node").parts[0]
         wrong = {name for name in imported_packages(file) & parts.keys() if parts[name] != part}
@@ -166,13 +166,13 @@ def test_packages_of_extras_are_imported_by_their_part_alone(repository: Path) -
 
 def test_extras_are_those_that_the_messages_name(repository: Path) -> None:
     extras = set(distribution("tracker_node").metadata.get_all("Provides-Extra") or ())
-    assert extras == {"ros", "studio", "keypoints", "data", "docs", "test"}
+    assert extras == {"ros", "studio", "keypoints", "h5", "data", "docs", "test"}
     named = {
         match
         for file in (repository / "tracker_node").rglob("*.py")
         for match in re.findall(r'extra_module\([^()]*, "(\w+)"\)', file.read_text())
     }
-    assert named == {"studio", "keypoints", "data"}
+    assert named == {"studio", "keypoints", "h5", "data"}
 
 
 def test_command_line_does_not_import_ros() -> None:

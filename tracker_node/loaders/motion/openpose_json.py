@@ -39,10 +39,12 @@ class ImagePoints:
     source : folder (or folder in an archive) that they come from.
     people : one array (n_people, n_joints, 3) per image, in the order of the image numbers: u, v, confidence; confidence 0
         where a joint was not found.
+    numbers : of the images, by the last number in the name of each file; empty where these do not differ.
     """
 
     source: str
     people: tuple[np.ndarray, ...]
+    numbers: tuple[int, ...] = ()
 
 
 def load_openpose(path: str | Path) -> dict[str, ImagePoints]:
@@ -69,7 +71,9 @@ def load_openpose(path: str | Path) -> dict[str, ImagePoints]:
     result = {}
     for key, (folder, entries) in sorted(zip(keys, groups.items(), strict=True)):
         entries.sort(key=lambda entry: entry[:2])
-        result[key] = ImagePoints(folder, tuple(people for _, _, people in entries))
+        numbers = tuple(numbers[-1] for numbers, _, _ in entries if numbers)
+        numbers = numbers if len(set(numbers)) == len(entries) else ()
+        result[key] = ImagePoints(folder, tuple(people for _, _, people in entries), numbers)
     return result
 
 

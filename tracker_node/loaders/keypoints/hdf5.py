@@ -1,0 +1,170 @@
+"""HDF5 files read with care: sizes before contents, nothing that lies in other files, no pickled objects but names."""
+
+from __future__ import annotations
+
+import io
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import FileFormatError, extra_module
+from ..whole_file import MB, TABLE_BYTES, check_regular
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_DAMAGED = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError, OverflowError, UnicodeError)
+
+
+class Hdf5File:
+    """An open file; its errors name path and dataset.
+
+    Parameters
+    ----------
+    path : of the file.
+    root : open ``h5py.File``.
+    """
+
+    def __init__(self, path: Path, root: Any):
+        self.path, self._root = path, root
+
+    def keys(self) -> tuple[str, ...]:
+        """Names at the top."""
+        return tuple(str(key) for key in self._root)
+
+    def has(self, name: str) -> bool:
+        """Whether there is a dataset of that name in the file itself."""
+        return self._find(name) is not None
+
+    def array(self, name: str) -> np.ndarray:
+        """A dataset.
+
+        Raises
+        ------
+        FileFormatError : it is missing, or larger than `TABLE_BYTES`.
+        """
+        found = self._find(name)
+        if found is None:
+            raise FileFormatError(self.path, name, "a dataset", "none")
+        n_bytes = int(found.size or 0) * int(found.dtype.itemsize)
+        if n_bytes > TABLE_BYTES:
+            raise FileFormatError(self.path, name, f"at most {TABLE_BYTES // MB} MB", f"{n_bytes // MB} MB")
+        return np.asarray(found[()])
+
+    def numbers(self, name: str, n_axes: int) -> np.ndarray:
+        """A dataset of numbers.
+
+        Parameters
+        ----------
+        name, n_axes : of the dataset.
+
+        Returns
+        -------
+        float64, which may have NaN.
+
+        Raises
+        ------
+        FileFormatError : it is missing, has other axes, or holds no numbers.
+        """
+        array = self.array(name)
+        if array.dtype.kind not in "fiu" or array.ndim != n_axes:
+            raise FileFormatError(self.path, name, f"numbers along {n_axes} axes", f"{array.dtype} {array.shape}")
+        return array.astype(np.float64)
+
+    def names(self, name: str) -> tuple[str, ...]:
+        """A dataset of text.
+
+        Raises
+        ------
+        FileFormatError : it is missing, or holds something else.
+        """
+        found = [each.decode("utf-8", "replace") if isinstance(each, bytes) else each for each in self.array(name).ravel()]
+        if not all(isinstance(each, str) for each in found):
+            raise FileFormatError(self.path, name, "names", found[:5])
+        return tuple(str(each) for each in found)
+
+    def attribute(self, group: str, name: str) -> Any:
+        """An attribute that PyTables has written: lists, tuples, text and numbers, no other objects; None where there is none.
+
+        Parameters
+        ----------
+        group, name : group or dataset; its attribute.
+
+        Returns
+        -------
+        Plain values.
+
+        Raises
+        ------
+        FileFormatError : it stands for other objects, whose reading could run a program.
+        """
+        value = self._root[group].attrs.get(name)
+        if not isinstance(value, (bytes, np.bytes_)):
+            return value
+        try:
+            return _PlainUnpickler(io.BytesIO(bytes(value))).load()
+        except Exception as error:  # whatever damaged bytes lead to
+            raise FileFormatError(self.path, f"{group}.{name}", "names in plain lists", str(error)) from None
+
+    def _find(self, name: str) -> Any | None:
+        """A dataset that lies in the file itself; None where there is none."""
+        from h5py import Dataset, ExternalLink
+
+        place = ""
+        for part in name.split("/"):
+            place = f"{place}/{part}"
+            link = self._root.get(place, getlink=True)
+            if link is None:
+                return None
+            if isinstance(link, ExternalLink):
+                raise FileFormatError(self.path, place, "data in the file itself", "a link to another file")
+        found = self._root.get(name)
+        if not isinstance(found, Dataset):
+            return None
+        if found.is_virtual or found.external:
+            raise FileFormatError(self.path, name, "data in the file itself", "data in another file")
+        return found
+
+
+class _PlainUnpickler(pickle.Unpickler):
+    """Of values that need no class."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        raise pickle.UnpicklingError(f"an object of {module}.{name}")
+
+    def persistent_load(self, pid: Any) -> Any:
+        raise pickle.UnpicklingError("an object that lies elsewhere")
+
+
+@contextmanager
+def open_hdf5(path: str | Path) -> Iterator[Hdf5File]:
+    """A file, read only.
+
+    Parameters
+    ----------
+    path : of the file.
+
+    Yields
+    ------
+    The open file.
+
+    Raises
+    ------
+    MissingExtraError : h5py is not installed.
+    FileFormatError : it is missing, too large, or no sound HDF5.
+    """
+    check_regular(path, TABLE_BYTES)
+    h5py = extra_module("h5py", "h5")
+    try:
+        with h5py.File(path, "r") as root:
+            yield Hdf5File(Path(path), root)
+    except _DAMAGED as error:
+        raise FileFormatError(path, "(file)", "an HDF5 file", str(error)) from None
+
+
+def is_hdf5(path: str | Path) -> bool:
+    """Whether a file begins as those of HDF5 do."""
+    with open(path, "rb") as stream:
+        return stream.read(len(SIGNATURE)) == SIGNATURE

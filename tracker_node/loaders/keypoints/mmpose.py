@@ -1,0 +1,143 @@
+"""People from MMPose's and RTMPose's JSON: a file an image (``predictions/``), or a file a video (``instance_info``).
+
+A file an image is a list of instances; images are numbered as those of OpenPose. A file a video is a list of ``frame_id`` and
+``instances``, as the inferencer writes it, or has that list in ``instance_info``, as the demos write it, beside ``meta_info``
+with the names of the points; images are numbered from the first ``frame_id`` on.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import FileFormatError
+from .camera_people import CameraPeople, FoundPerson, PeopleOfImages, PointsByCamera, found_points
+from .files import camera_keys, files_of, image_number, is_number, numbered_files, probability, read_points_json
+from .names import check_names, names_of
+
+_ORDERS = ("coco_17", "halpe_26", "coco_wholebody_133")
+
+
+def load_mmpose(path: str | Path, names: Sequence[str] = ()) -> PointsByCamera:
+    """People of all cameras in a folder, or of one in a file.
+
+    Parameters
+    ----------
+    path : file of a video; folder of such files, one a camera; folder of folders, one a camera, with a file an image.
+    names : of the points; empty: as ``meta_info`` says, or by their number.
+
+    Returns
+    -------
+    Name of the camera's file or folder -> people by image.
+
+    Raises
+    ------
+    FileFormatError : no such files, or points of an unknown detector.
+    """
+    files = files_of(path, (".json",))
+    if is_video(read_points_json(files[0])):
+        return {key: _video(file, names) for key, file in camera_keys(files).items()}
+    folders: dict[Path, list[Path]] = defaultdict(list)
+    for file in files:
+        folders[file.parent].append(file)
+    short = [folder.name for folder in folders]
+    keys = short if len(set(short)) == len(short) else [str(folder.relative_to(path)) for folder in folders]
+    return {key: _images(folder, folders[folder], names) for key, folder in zip(keys, folders, strict=True)}
+
+
+def is_video(content: Any) -> bool:
+    """Whether a file is that of a video."""
+    listed = content.get("instance_info") if isinstance(content, dict) else content
+    if isinstance(content, dict):
+        return isinstance(listed, list)
+    return isinstance(listed, list) and bool(listed) and isinstance(listed[0], dict) and "instances" in listed[0]
+
+
+def _video(file: Path, names: Sequence[str]) -> CameraPeople:
+    content = read_points_json(file)
+    images, first = PeopleOfImages(str(file)), None
+    if not is_video(content):
+        raise FileFormatError(file, "(content)", "frame_id and instances of each image, as in the other files", content)
+    listed = content["instance_info"] if isinstance(content, dict) else content
+    for i, entry in enumerate(listed):
+        where = f"[{i}]"
+        if not isinstance(entry, dict) or not isinstance(entry.get("instances"), list):
+            raise FileFormatError(file, f"{where}.instances", "a list of people", entry)
+        number = entry.get("frame_id", i)
+        number = image_number(number) if isinstance(number, str) else number
+        if not isinstance(number, int) or isinstance(number, bool):
+            raise FileFormatError(file, f"{where}.frame_id", "the number of an image", entry.get("frame_id"))
+        first = number if first is None else first
+        _add(images, number - first, entry["instances"], str(file), f"{where}.instances")
+    return _named(images, names or _names_in(content, str(file)))
+
+
+def _images(folder: Path, files: Sequence[Path], names: Sequence[str]) -> CameraPeople:
+    images = PeopleOfImages(str(folder))
+    for number, file in numbered_files(files):
+        content = read_points_json(file)
+        listed = content.get("instances") if isinstance(content, dict) else content
+        if not isinstance(listed, list):
+            raise FileFormatError(file, "(content)", "a list of people with keypoints and keypoint_scores", content)
+        _add(images, number, listed, str(file), "")
+    return _named(images, names)
+
+
+def _named(images: PeopleOfImages, names: Sequence[str]) -> CameraPeople:
+    if images.n_points is None:
+        return images.camera(tuple(names))
+    return images.camera(names_of(images.n_points, _ORDERS, names, images.source, "keypoints"))
+
+
+def _names_in(content: Any, file: str) -> tuple[str, ...]:
+    """Names of ``meta_info``; none where there are none."""
+    meta = content.get("meta_info") if isinstance(content, dict) else None
+    names = meta.get("keypoint_id2name") if isinstance(meta, dict) else None
+    if not isinstance(names, dict) or not names:
+        return ()
+    found = [names.get(str(i)) for i in range(len(names))]
+    if not all(isinstance(name, str) for name in found):
+        raise FileFormatError(file, "meta_info.keypoint_id2name", 'names by number, from "0" on', names)
+    return check_names([str(name) for name in found], file, "meta_info.keypoint_id2name")
+
+
+def _add(images: PeopleOfImages, image: int, instances: list[Any], file: str, where: str) -> None:
+    images.look(image, file, where or "(file)")
+    for i, instance in enumerate(instances):
+        here = f"{where}[{i}]"
+        if not isinstance(instance, dict):
+            raise FileFormatError(file, here, "keypoints and keypoint_scores of a person", instance)
+        points = _numbers(instance.get("keypoints"), file, f"{here}.keypoints", (-1, 2))
+        scores = _numbers(instance.get("keypoint_scores"), file, f"{here}.keypoint_scores", (-1,))
+        if len(points) != len(scores):
+            expected = f"{len(points)} scores, one for each point"
+            raise FileFormatError(file, f"{here}.keypoint_scores", expected, f"{len(scores)} scores")
+        values = found_points(np.column_stack([points, scores]), file, f"{here}.keypoints")
+        person = FoundPerson(values, probability(instance.get("bbox_score")), _box(instance.get("bbox")))
+        images.add(image, person, file, here)
+
+
+def _numbers(values: Any, file: str, where: str, shape: tuple[int, ...]) -> np.ndarray:
+    """float64 of a shape; NaN for null."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.zeros(())
+    if array.ndim != len(shape) or array.shape[1:] != shape[1:]:
+        expected = "u and v of each point" if len(shape) == 2 else "a number for each point"
+        raise FileFormatError(file, where, expected, values)
+    return array
+
+
+def _box(values: Any) -> tuple[float, float, float, float] | None:
+    """Of ``bbox``, which is a list within a list; None where there is none that could be one."""
+    while isinstance(values, list) and len(values) == 1:
+        values = values[0]
+    if not isinstance(values, list) or len(values) < 4 or not all(is_number(value) for value in values[:4]):
+        return None
+    left, top, right, bottom = (min(max(float(value), -1e6), 1e6) for value in values[:4])
+    return (left, top, right, bottom) if left < right and top < bottom else None
