@@ -13,7 +13,7 @@ from benchmark._charuco import rigid_fit
 from tracker_node.calibration.board.adjustment import BoardAdjustmentOptions, BoardState, adjust_boards
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.refinement import BoardRigOptions, rows_of
-from tracker_node.calibration.board.report import camera_figures, rms
+from tracker_node.calibration.board.report import camera_metrics, rms
 from tracker_node.calibration.board.rig import BoardRig, calibrate_rig
 from tracker_node.calibration.board.start import place_boards
 from tracker_node.calibration.board.views import CameraViews, detect_boards, velocities
@@ -55,7 +55,7 @@ def board_section(quick: bool = False) -> Figures:
     seen = detect_boards(sources, RECORDED_BOARD)
     found = calibrate_rig(RECORDED_BOARD, seen)
     figures = _against("board", found, shipped)
-    for name, camera in camera_figures(found).items():
+    for name, camera in camera_metrics(found).items():
         figures |= {f"board.{name}.later_ms": 1e3 * camera.clock_s, f"board.{name}.jitter_ms": 1e3 * camera.jitter_s}
     if quick:
         return figures
@@ -101,7 +101,7 @@ def _against(key: str, found: BoardRig, true: CameraRig) -> Figures:
         f"{key}.reprojection_median_px": float(np.median(np.linalg.norm(residuals, axis=1))),
         f"{key}.position_mm": 1e3 * max(places), f"{key}.angle_deg": float(np.degrees(max(turns))),
         f"{key}.k_percent": 100.0 * max(focal), f"{key}.outliers": len(found.outliers),
-        f"{key}.place_sigma_mm": 1e3 * max(c.place_sigma_m for c in camera_figures(found).values()),
+        f"{key}.place_sigma_mm": 1e3 * max(c.place_sigma_m for c in camera_metrics(found).values()),
     }  # fmt: skip
 
 
@@ -116,9 +116,7 @@ def differences(found: CameraRig, true: CameraRig) -> tuple[list[float], list[fl
     poses = rigid_fit(*(np.vstack([se3.apply(T, arms) for T in Ts]) for Ts in (poses, wanted))) @ poses
     places = [float(np.linalg.norm(a[:3, 3] - b[:3, 3])) for a, b in zip(poses, wanted, strict=True)]
     turns = [float(np.linalg.norm(so3.log(a[:3, :3].T @ b[:3, :3]))) for a, b in zip(poses, wanted, strict=True)]
-    focal = [
-        float(np.abs(np.diag(c.model.K)[:2] / np.diag(true[c.name].model.K)[:2] - 1.0).max()) for c in found
-    ]
+    focal = [float(np.abs(np.diag(c.model.K)[:2] / np.diag(true[c.name].model.K)[:2] - 1.0).max()) for c in found]
     return places, turns, focal
 
 

@@ -24,7 +24,7 @@ from tracker_node.loaders.motion.trajectory_file import (
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.model.configuration import Configuration
 from tracker_node.runs.load import load_run
-from tracker_node.studio.playback.page import AskedCurve, AskedRow, PlaybackDesk
+from tracker_node.studio.playback.page import AskedCurve, AskedRow, PlaybackPage
 from tracker_node.studio.session import StudioFiles, open_session
 
 N, N_WITHOUT = 10, 2
@@ -148,7 +148,7 @@ def test_the_very_sets_are_tracked_again(clip, tmp_path):
 
 
 def test_it_is_played_without_a_body_where_there_is_none(clip):
-    desk = PlaybackDesk(open_session(StudioFiles(rig=clip.rig_file, model=clip.model_file, run=clip.folder / "run")))
+    desk = PlaybackPage(open_session(StudioFiles(rig=clip.rig_file, model=clip.model_file, run=clip.folder / "run")))
     run = desk.run()
     assert run["problem"] == "" and [value is None for value in run["residual"]] == NO_STATE
     bodies = [desk.drawn(AskedRow(row=row))["cameras"]["cam01"]["parts"] for row in range(N)]

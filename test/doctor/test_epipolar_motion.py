@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.moving_balls import balls_rig
-from tracker_node.doctor.epipolar_motion import Motion, agreement, agreements
+from tracker_node.doctor.epipolar_motion import ImageMotion, agreement, agreements
 from tracker_node.geometry import se3, so3
 
 N = 30
@@ -29,7 +29,7 @@ def motions(cameras):
         assert seen.all()
         instants, points = np.indices(seen.shape)
         place = (instants * 8 + points).ravel()
-        result[camera.name] = Motion(pixels.reshape(-1, 2), instants.ravel(), place, np.ones(8 * N), np.ones(N, dtype=bool))
+        result[camera.name] = ImageMotion(pixels.reshape(-1, 2), instants.ravel(), place, np.ones(8 * N), np.ones(N, dtype=bool))
     return result
 
 

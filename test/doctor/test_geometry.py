@@ -1,4 +1,4 @@
-"""Repairs of a rig, one by one: what each changes, what is fitted, and by how much cameras then agree better."""
+"""Corrections of a rig, one by one: what each changes, what is fitted, and by how much cameras then agree better."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from helpers.cameras.moving_balls import balls_rig
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.doctor import geometry as doctor
-from tracker_node.doctor.epipolar_motion import Motion, agreements
+from tracker_node.doctor.epipolar_motion import ImageMotion, agreements
 from tracker_node.doctor.setup import Setup
 from tracker_node.geometry import se3, so3
 
@@ -17,7 +17,7 @@ N = 40
 PERIOD_S = 0.1
 
 
-def motion(camera: Camera, lag: int = 0) -> Motion:
+def motion(camera: Camera, lag: int = 0) -> ImageMotion:
     """Of eight points in space, each at an instant's place and exact in the camera's pixels; ``lag``: of so much later."""
     rng = np.random.default_rng(1)
     t = np.arange(N)[:, None, None] + lag
@@ -25,7 +25,7 @@ def motion(camera: Camera, lag: int = 0) -> Motion:
     pixels, _ = camera.project(places)
     instants, points = np.indices((N, 8))
     place = (instants * 8 + points).ravel()
-    return Motion(pixels.reshape(-1, 2), instants.ravel(), place, np.ones(len(place)), np.ones(N, dtype=bool))
+    return ImageMotion(pixels.reshape(-1, 2), instants.ravel(), place, np.ones(len(place)), np.ones(N, dtype=bool))
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def zoomed(camera: Camera, factor: float) -> Camera:
 
 def test_a_sound_setup_needs_no_repair(sound):
     found = doctor.diagnose(sound, PERIOD_S)
-    assert found.repairs == ()
+    assert found.corrections == ()
     assert found.setup is sound
     np.testing.assert_array_equal(found.before, found.after)
 
@@ -56,7 +56,7 @@ def test_a_sound_setup_needs_no_repair(sound):
 def test_one_camera_alone_is_not_diagnosed(sound):
     name = sound.cameras[0].name
     alone = Setup.of(sound.cameras[:1], {name: sound.motions[name]})
-    assert doctor.diagnose(alone, PERIOD_S).repairs == ()
+    assert doctor.diagnose(alone, PERIOD_S).corrections == ()
 
 
 def exchanges(setup):
@@ -126,13 +126,13 @@ def test_a_clock_is_told_with_its_sign_in_seconds(sound, lag):
     """Images of ``lag`` periods later under an earlier stamp are moved back by as many."""
     camera = sound.cameras[1]
     shifted = sound.with_motions({camera.name: motion(camera, lag)})
-    (repair,) = doctor._clock(shifted, 1, shifted.agreement_of(1), PERIOD_S)
-    assert (repair.kind, repair.cameras) == ("clock", (camera.name,))
-    assert repair.values["late_s"] == pytest.approx(-lag * PERIOD_S, abs=0.03)
-    inside = repair.setup.motions[camera.name]
+    (correction,) = doctor._clock(shifted, 1, shifted.agreement_of(1), PERIOD_S)
+    assert (correction.kind, correction.cameras) == ("clock", (camera.name,))
+    assert correction.values["late_s"] == pytest.approx(-lag * PERIOD_S, abs=0.03)
+    inside = correction.setup.motions[camera.name]
     assert inside.valid.sum() == N - abs(lag)
-    assert repair.gain == pytest.approx(repair.setup.agreement_of(1) - shifted.agreement_of(1))
-    assert repair.gain > 0.1
+    assert correction.gain == pytest.approx(correction.setup.agreement_of(1) - shifted.agreement_of(1))
+    assert correction.gain > 0.1
 
 
 def test_a_clock_between_two_images_is_told_between_them(sound):
@@ -140,15 +140,15 @@ def test_a_clock_between_two_images_is_told_between_them(sound):
     doubled = {c.name: motion(c, 0).every(2) for c in (other, third)}
     late = motion(camera, 1).every(2)  # half a period of the thinned images
     halves = sound.with_motions({**doubled, camera.name: late.shifted(2)})
-    (repair,) = doctor._clock(halves, 1, halves.agreement_of(1), PERIOD_S)
-    assert repair.values["late_s"] == pytest.approx(-2.5 * PERIOD_S, abs=0.2 * PERIOD_S)
+    (correction,) = doctor._clock(halves, 1, halves.agreement_of(1), PERIOD_S)
+    assert correction.values["late_s"] == pytest.approx(-2.5 * PERIOD_S, abs=0.2 * PERIOD_S)
 
 
 @pytest.mark.parametrize(("period_s", "furthest"), [(0.25, 4), (0.05, N // 3), (2.0, 1)])
 def test_clocks_are_tried_within_a_second_and_a_third_of_the_recording(sound, period_s, furthest, monkeypatch):
     tried = []
-    shifted = Motion.shifted
-    monkeypatch.setattr(Motion, "shifted", lambda self, k: (tried.append(k), shifted(self, k))[1])
+    shifted = ImageMotion.shifted
+    monkeypatch.setattr(ImageMotion, "shifted", lambda self, k: (tried.append(k), shifted(self, k))[1])
     assert list(doctor._clock(sound, 1, sound.agreement_of(1), period_s)) == []  # none is better than as it is
     assert tried == list(range(-furthest, furthest + 1))
 
@@ -157,8 +157,8 @@ def test_clocks_are_tried_within_a_second_and_a_third_of_the_recording(sound, pe
 def test_a_focal_length_is_told_as_a_factor(sound, factor):
     camera = sound.cameras[1]
     wrong = sound.with_camera(1, zoomed(camera, factor))
-    repairs = list(doctor._focal_length(wrong, 1))
-    best = max(repairs, key=lambda repair: repair.gain)
+    corrections = list(doctor._focal_length(wrong, 1))
+    best = max(corrections, key=lambda correction: correction.gain)
     assert (best.kind, best.cameras) == ("focal", (camera.name,))
     assert best.values["factor"] == pytest.approx(1.0 / factor, abs=0.02)
     K = best.setup.cameras[1].model.K
@@ -181,8 +181,8 @@ def test_a_turned_camera_is_told_in_degrees_and_priced(sound):
     angle = np.linalg.norm(so3.log(now.T_world_cam[:3, :3].T @ sound.cameras[1].T_world_cam[:3, :3]))
     assert angle < 0.01
     assert first.gain == pytest.approx(first.setup.agreement_of(1) - wrong.agreement_of(1) - 2 * 0.004)
-    for repair in more:
-        assert repair.gain == pytest.approx(repair.setup.agreement_of(1) - wrong.agreement_of(1) - 5 * 0.004)
+    for correction in more:
+        assert correction.gain == pytest.approx(correction.setup.agreement_of(1) - wrong.agreement_of(1) - 5 * 0.004)
     assert len(more) == 1
     distance = np.linalg.norm(more[0].setup.cameras[1].center - wrong.cameras[1].center)
     assert more[0].values["moved_m"] == pytest.approx(distance)
@@ -196,7 +196,7 @@ def test_a_mirrored_image_is_found_and_nothing_else(sound):
     c = sound.cameras[2]
     wrong = sound.with_motions({c.name: sound.motions[c.name].mirrored(c.model.width)})
     found = doctor.diagnose(wrong, PERIOD_S)
-    assert [(repair.kind, repair.cameras) for repair in found.repairs] == [("mirrored", (c.name,))]
+    assert [(correction.kind, correction.cameras) for correction in found.corrections] == [("mirrored", (c.name,))]
     np.testing.assert_array_equal(found.before, agreements(wrong.cameras, wrong.motions))
     np.testing.assert_allclose(found.after, agreements(sound.cameras, sound.motions))
     np.testing.assert_allclose(found.setup.motions[c.name].pixels, sound.motions[c.name].pixels)
@@ -220,7 +220,7 @@ def test_a_fit_holds_what_is_hardly_seen_at_zero():
 
 def test_lenses_keep_their_distortion_when_zoomed(sound):
     wrong = sound.with_camera(1, zoomed(sound.cameras[1], 0.87))
-    for repair in doctor._focal_length(wrong, 1):
-        model: CameraModel = repair.setup.cameras[1].model
+    for correction in doctor._focal_length(wrong, 1):
+        model: CameraModel = correction.setup.cameras[1].model
         assert (model.width, model.height) == (sound.cameras[1].model.width, sound.cameras[1].model.height)
         np.testing.assert_array_equal(model.K[:2, 2], sound.cameras[1].model.K[:2, 2])

@@ -12,7 +12,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.doctor import report
 from tracker_node.doctor.diagnosis import Examination
-from tracker_node.doctor.epipolar_motion import Motion
+from tracker_node.doctor.epipolar_motion import ImageMotion
 from tracker_node.doctor.finding import Finding
 from tracker_node.doctor.geometry import Diagnosis
 from tracker_node.doctor.recording import CameraRecording
@@ -37,7 +37,7 @@ def motion(camera, points, amounts):
     """Of points (n, 3) at instant 1 of three."""
     table = np.zeros((3, len(points)))
     table[1] = amounts
-    return Motion.of_table(camera.project(np.asarray(points))[0], table, np.ones(3, bool))
+    return ImageMotion.of_table(camera.project(np.asarray(points))[0], table, np.ones(3, bool))
 
 
 POINTS = [MIDDLE + np.array([0.0, 0.0, height]) for height in (0.0, 0.4, -0.5, 0.9)]

@@ -6,7 +6,7 @@ import pytest
 from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
-from tracker_node.doctor.epipolar_motion import Motion, agreement
+from tracker_node.doctor.epipolar_motion import ImageMotion, agreement
 from tracker_node.doctor.setup import Setup
 
 LENS = CameraModel(320, 240, np.array([[300.0, 0.0, 159.5], [0.0, 300.0, 119.5], [0.0, 0.0, 1.0]]))
@@ -21,7 +21,9 @@ def camera(name, x, y, z=1.0, target=(0.0, 0.0, 1.0)):
 def motion(camera, places, valid=None):
     """Of points (n, 3) that are each there at one instant."""
     table = np.eye(len(places))
-    return Motion.of_table(camera.project(np.asarray(places))[0], table, np.ones(len(places), bool) if valid is None else valid)
+    return ImageMotion.of_table(
+        camera.project(np.asarray(places))[0], table, np.ones(len(places), bool) if valid is None else valid
+    )
 
 
 def setup(*cameras, places=None):
@@ -41,7 +43,7 @@ def test_a_camera_without_motion_has_no_part_in_the_center():
     blind = camera("e", 3, 3, target=(9.0, 0.0, 1.0))
     cameras = (FRONT, SIDE, blind)
     motions = {one.name: motion(one, [POINT] * 3) for one in (FRONT, SIDE)}
-    nothing = Motion.of_table(np.zeros((1, 2)), np.zeros((3, 1)), np.ones(3, bool))
+    nothing = ImageMotion.of_table(np.zeros((1, 2)), np.zeros((3, 1)), np.ones(3, bool))
     assert Setup.of(cameras, {**motions, "e": nothing}).center == pytest.approx(POINT, abs=1e-6)
 
 

@@ -14,10 +14,10 @@ from tracker_node.report.document import (
     Curve,
     Curves,
     Document,
+    DocumentSection,
     HeatMap,
     Line,
     Pictures,
-    Section,
     Strip,
     Strips,
     Table,
@@ -81,7 +81,7 @@ def test_two_files_are_written_of_each_block_but_of_pictures(tmp_path):
     other = Chart("t.", "Other", note="noted", x_label="x", y_label="y", lines=(TWO,))
     same = Table("t", "Again", columns=(Column("n"),), rows=((7,),))
     blocks = (TABLE, Pictures("p", "Pictures"), other, same)
-    written = write_figure_files(tmp_path, Document("", "", (), (), (Section("s", "", blocks),)))
+    written = write_figure_files(tmp_path, Document("", "", (), (), (DocumentSection("s", "", blocks),)))
     folder = tmp_path / "figures"
     assert written == [folder / f"{name}.{kind}" for name in ("t", "t.", "t_2") for kind in ("csv", "json")]
     assert (folder / "t.csv").read_text().splitlines() == ["n,leg: rms", "3,0.5", ","]

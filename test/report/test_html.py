@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 
 from tracker_node.report import html as page
-from tracker_node.report.document import Bars, Cell, Chart, Column, Curve, Curves, Document, Line, Pictures, Section, Table
+from tracker_node.report.document import (
+    Bars,
+    Cell,
+    Chart,
+    Column,
+    Curve,
+    Curves,
+    Document,
+    DocumentSection,
+    Line,
+    Pictures,
+    Table,
+)
 
 
 def grouped(*groups):
@@ -64,7 +76,7 @@ def test_pictures_are_jpegs_with_their_aspect():
 
 
 def document(*blocks):
-    return Document("A <title>", "today", [("fact", "told")], ["a problem"], [Section("s", "Section", blocks)])
+    return Document("A <title>", "today", [("fact", "told")], ["a problem"], [DocumentSection("s", "Section", blocks)])
 
 
 def test_plotly_comes_with_charts_or_curves_only():

@@ -5,15 +5,15 @@ import base64
 import cv2
 import numpy as np
 
-from tracker_node.report.page import Section, write_page
+from tracker_node.report.page import PageSection, write_page
 
 
 def test_headings_tables_pictures_and_text_in_order(tmp_path):
     picture = tmp_path / "a.png"
     picture.write_bytes(b"pixels")
     sections = [
-        Section("First <part>", "A sentence.", [("name", "heading of it"), ("a", "1.5")]),
-        Section("Second", picture=picture, preformatted="as  it is"),
+        PageSection("First <part>", "A sentence.", [("name", "heading of it"), ("a", "1.5")]),
+        PageSection("Second", picture=picture, preformatted="as  it is"),
     ]
     path = tmp_path / "new" / "folder" / "page.html"
     write_page(path, "A title", sections)
@@ -27,7 +27,7 @@ def test_headings_tables_pictures_and_text_in_order(tmp_path):
 
 
 def test_what_is_empty_is_left_out(tmp_path):
-    write_page(tmp_path / "page.html", "A title", [Section("Alone")])
+    write_page(tmp_path / "page.html", "A title", [PageSection("Alone")])
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Alone" in text and "<img" not in text and "data:image" not in text
     write_page(tmp_path / "page.html", "Another", [])
@@ -37,7 +37,7 @@ def test_what_is_empty_is_left_out(tmp_path):
 
 def test_pixels_are_a_picture_and_a_section_needs_no_heading(tmp_path):
     pixels = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
-    write_page(tmp_path / "page.html", "Arm & hand", [Section(text="seen <here>", picture=pixels)])
+    write_page(tmp_path / "page.html", "Arm & hand", [PageSection(text="seen <here>", picture=pixels)])
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "<title>Arm &amp; hand</title>" in text and "seen &lt;here&gt;" in text and "<h2></h2>" not in text
     png = base64.b64decode(text.split("data:image/png;base64,")[1].split('"')[0])
@@ -45,7 +45,7 @@ def test_pixels_are_a_picture_and_a_section_needs_no_heading(tmp_path):
 
 
 def test_headings_and_cells_are_escaped(tmp_path):
-    write_page(tmp_path / "page.html", "A", [Section("A & B", table=[("x", "<y>"), ("1", "2")])])
+    write_page(tmp_path / "page.html", "A", [PageSection("A & B", table=[("x", "<y>"), ("1", "2")])])
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     for part in ("<h2>A &amp; B</h2>", "<th>&lt;y&gt;</th>", "<td>1</td><td>2</td>"):
         assert part in text

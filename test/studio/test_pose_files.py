@@ -6,7 +6,7 @@ import pytest
 from helpers.cameras.small_clip import body, motion
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.model.state_yaml import load_state
-from tracker_node.studio.live.page import Desk, Errand
+from tracker_node.studio.live.page import Errand, LivePage
 from tracker_node.studio.session import ExistsError, PoseFiles, StudioFiles, StudioSession
 
 STATE, OTHER = motion(2)
@@ -60,7 +60,7 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
         files.save("pose", STATE, body(), "", overwrite=True)
     assert outside.read_text() == "precious: 1\n"
     assert files.names() == []
-    live = Desk(StudioSession(StudioFiles(folder=tmp_path / "poses"), model=body()))
+    live = LivePage(StudioSession(StudioFiles(folder=tmp_path / "poses"), model=body()))
     assert live.facts()["states"] == []
     with pytest.raises(FileFormatError, match="file"):
         live.ask(Errand(tracker="/tracker", service="set_state", file="pose.yaml"))

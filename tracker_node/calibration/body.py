@@ -85,7 +85,7 @@ class SegmentFit:
 
 
 @dataclass(frozen=True, eq=False)
-class BodyFit:
+class ScaledBody:
     """A scaled body and how it came about; ``size`` is the person's size as a multiple of the model's."""
 
     model: ArticulatedModel
@@ -147,7 +147,7 @@ def scale_to_stature(model: ArticulatedModel, stature_m: float) -> ArticulatedMo
     return scaled_uniformly(model, stature_m / model_stature(model))
 
 
-def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: ScalingOptions | None = None) -> BodyFit:
+def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: ScalingOptions | None = None) -> ScaledBody:
     """The body scaled to the joints of a static trial, its landmarks put where the trial has them.
 
     Parameters
@@ -167,14 +167,16 @@ def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options
     options = options or ScalingOptions()
     size, fits = _fit_lengths(model, markers, options)
     scales = _link_scales(model, size, fits)
-    fit = BodyFit(scaled_by_link(model, scales), size, tuple(fits[segment.name] for segment in SEGMENTS if segment.name in fits))
+    fit = ScaledBody(
+        scaled_by_link(model, scales), size, tuple(fits[segment.name] for segment in SEGMENTS if segment.name in fits)
+    )
     states = pose_trial(fit.model, markers)
     scaled = place_landmarks(fit.model, states, [targets_of(fit.model, markers, row) for row in range(len(markers))], options)
     residuals = [
         np.mean(np.linalg.norm(_offsets(scaled, state, targets_of(scaled, markers, row)), axis=1))
         for row, state in enumerate(states)
     ]
-    return BodyFit(scaled, size, fit.segments, float(np.median(residuals)), tuple(states))
+    return ScaledBody(scaled, size, fit.segments, float(np.median(residuals)), tuple(states))
 
 
 def targets_of(model: ArticulatedModel, markers: MarkerTrajectories, row: int) -> dict[str, np.ndarray]:

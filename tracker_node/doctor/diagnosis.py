@@ -14,7 +14,7 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..camera.rig_unit import wrong_unit
 from .finding import FAULTS, Finding
-from .geometry import Diagnosis, Repair, diagnose
+from .geometry import Correction, Diagnosis, diagnose
 from .motion import common_grid, motion_on_grid
 from .recording import CameraRecording
 from .setup import Setup
@@ -81,7 +81,7 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
             motions = {c.name: motion_on_grid(recordings[c.name], grid, usable[c.name]) for c in moving}
             setup = Setup.of(moving, motions)
             diagnosis = diagnose(setup, 1e-9 * float(grid[1] - grid[0]))
-            findings += [_told(repair, rig, len(moving)) for repair in diagnosis.repairs]
+            findings += [_told(correction, rig, len(moving)) for correction in diagnosis.corrections]
             notes += _agreement_notes(diagnosis)
     if diagnosis is None:
         notes.append(f"{_NOT_CHECKED}: fewer than two of them have images at the same time.")
@@ -110,10 +110,10 @@ def _scaled(transform: np.ndarray, factor: float) -> np.ndarray:
     return result
 
 
-def _told(repair: Repair, rig: CameraRig, n_compared: int) -> Finding:
-    names = " and ".join(repair.cameras)
-    values = {"gain": repair.gain, **repair.values}
-    every = f"(agreement of the images grows by {repair.gain:.2f})"
+def _told(correction: Correction, rig: CameraRig, n_compared: int) -> Finding:
+    names = " and ".join(correction.cameras)
+    values = {"gain": correction.gain, **correction.values}
+    every = f"(agreement of the images grows by {correction.gain:.2f})"
     fault, sentence = {
         "swapped": ("swapped", f"{names} are exchanged: each has the other's images {every}. Exchange their sources."),
         "mirrored": (
@@ -134,28 +134,28 @@ def _told(repair: Repair, rig: CameraRig, n_compared: int) -> Finding:
             "place",
             f"The places are inverted {every}: T_world_cam seems to hold the transforms from the world to the camera.",
         ),
-        "clock": ("clock", _clock_sentence(repair, rig, every)),
-        "focal": ("focal", _focal_sentence(repair, rig, every)),
-        "place": ("place", _place_sentence(repair, every)),
-    }[repair.kind]
-    if n_compared == 2 and len(repair.cameras) == 1:
+        "clock": ("clock", _clock_sentence(correction, rig, every)),
+        "focal": ("focal", _focal_sentence(correction, rig, every)),
+        "place": ("place", _place_sentence(correction, every)),
+    }[correction.kind]
+    if n_compared == 2 and len(correction.cameras) == 1:
         sentence += " With two cameras it may as well be the other that is wrong."
-    return Finding(fault, repair.cameras, sentence, values)
+    return Finding(fault, correction.cameras, sentence, values)
 
 
-def _clock_sentence(repair: Repair, rig: CameraRig, every: str) -> str:
-    if repair.kind != "clock":
+def _clock_sentence(correction: Correction, rig: CameraRig, every: str) -> str:
+    if correction.kind != "clock":
         return ""
-    late_ms = 1e3 * repair.values["late_s"]
-    offset_s = 1e-9 * rig[repair.cameras[0]].time_offset_ns - repair.values["late_s"]
+    late_ms = 1e3 * correction.values["late_s"]
+    offset_s = 1e-9 * rig[correction.cameras[0]].time_offset_ns - correction.values["late_s"]
     which = "late" if late_ms > 0 else "early"
-    return f"{repair.cameras[0]}: its clock is {abs(late_ms):.0f} ms {which} {every}. Set time_offset_s: {offset_s:.3f}."
+    return f"{correction.cameras[0]}: its clock is {abs(late_ms):.0f} ms {which} {every}. Set time_offset_s: {offset_s:.3f}."
 
 
-def _focal_sentence(repair: Repair, rig: CameraRig, every: str) -> str:
-    if repair.kind != "focal":
+def _focal_sentence(correction: Correction, rig: CameraRig, every: str) -> str:
+    if correction.kind != "focal":
         return ""
-    name, factor = repair.cameras[0], repair.values["factor"]
+    name, factor = correction.cameras[0], correction.values["factor"]
     focal = rig[name].model.K[0, 0]
     return (
         f"{name}: its focal length is wrong: {focal:.0f} px are given, {focal * factor:.0f} fit the other cameras {every}."
@@ -163,12 +163,12 @@ def _focal_sentence(repair: Repair, rig: CameraRig, every: str) -> str:
     )
 
 
-def _place_sentence(repair: Repair, every: str) -> str:
-    if repair.kind != "place":
+def _place_sentence(correction: Correction, every: str) -> str:
+    if correction.kind != "place":
         return ""
-    turned, moved = repair.values["turned_deg"], repair.values["moved_m"]
+    turned, moved = correction.values["turned_deg"], correction.values["moved_m"]
     return (
-        f"{repair.cameras[0]}: does not stand where the rig has it: turned by about {turned:.1f} degrees"
+        f"{correction.cameras[0]}: does not stand where the rig has it: turned by about {turned:.1f} degrees"
         + (f" and moved by {100 * moved:.0f} cm" if moved > 0.005 else "")
         + f", it agrees with the others {every}. Calibrate the cameras' places again, or refine them."
     )

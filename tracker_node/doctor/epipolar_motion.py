@@ -24,7 +24,7 @@ LEAST_INSTANTS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ImageMotion:
     """What moves in the images of one camera.
 
     Parameters
@@ -42,14 +42,14 @@ class Motion:
     _rays: list[tuple[CameraModel, np.ndarray]] = field(default_factory=list, init=False, repr=False)  # of the latest lens
 
     @classmethod
-    def of_table(cls, pixels: np.ndarray, table: np.ndarray, valid: np.ndarray) -> Motion:
+    def of_table(cls, pixels: np.ndarray, table: np.ndarray, valid: np.ndarray) -> ImageMotion:
         """Motion from a full table.
 
         Parameters
         ----------
         pixels : (n, 2) places.
         table : (T, n) amounts, 0 to 1.
-        valid : (T,) bool, see `Motion`.
+        valid : (T,) bool, see `ImageMotion`.
 
         Returns
         -------
@@ -75,16 +75,16 @@ class Motion:
             self._rays[:] = [(lens, rays * valid[:, None])]
         return self._rays[0][1]
 
-    def mirrored(self, width: int) -> Motion:
+    def mirrored(self, width: int) -> ImageMotion:
         """As in images with left and right exchanged."""
         return replace(self, pixels=np.stack([width - 1 - self.pixels[:, 0], self.pixels[:, 1]], axis=1))
 
-    def every(self, step: int) -> Motion:
+    def every(self, step: int) -> ImageMotion:
         """Every ``step``-th instant only."""
         kept = self.instants % step == 0
         return self._with(kept, self.instants[kept] // step, self.valid[::step])
 
-    def shifted(self, instants: int) -> Motion:
+    def shifted(self, instants: int) -> ImageMotion:
         """The motion of ``instants`` later moved to now (negative: earlier); what is then unknown is not valid."""
         n = len(self.valid)
         source = np.arange(n) + instants
@@ -94,11 +94,11 @@ class Motion:
         kept = (moved >= 0) & (moved < n)
         return self._with(kept, moved[kept], valid)
 
-    def _with(self, kept: np.ndarray, instants: np.ndarray, valid: np.ndarray) -> Motion:
+    def _with(self, kept: np.ndarray, instants: np.ndarray, valid: np.ndarray) -> ImageMotion:
         return replace(self, instants=instants, places=self.places[kept], amounts=self.amounts[kept], valid=valid)
 
 
-def agreement(a: Camera, motion_a: Motion, b: Camera, motion_b: Motion) -> float:
+def agreement(a: Camera, motion_a: ImageMotion, b: Camera, motion_b: ImageMotion) -> float:
     """Correlation of the profiles of two cameras.
 
     Parameters
@@ -121,7 +121,7 @@ def agreement(a: Camera, motion_a: Motion, b: Camera, motion_b: Motion) -> float
     return float((profile_a * profile_b).sum() / norm) if norm > 0.0 else float("nan")
 
 
-def agreements(cameras: Sequence[Camera], motions: Mapping[str, Motion]) -> np.ndarray:
+def agreements(cameras: Sequence[Camera], motions: Mapping[str, ImageMotion]) -> np.ndarray:
     """Agreement of all pairs of cameras.
 
     Parameters
@@ -140,7 +140,7 @@ def agreements(cameras: Sequence[Camera], motions: Mapping[str, Motion]) -> np.n
     return result
 
 
-def _profile(camera: Camera, baseline: np.ndarray, motion: Motion, instants: np.ndarray) -> np.ndarray:
+def _profile(camera: Camera, baseline: np.ndarray, motion: ImageMotion, instants: np.ndarray) -> np.ndarray:
     """(T, PLANES): square roots of the amounts of motion, less each instant's mean; zero but at ``instants`` (T,) bool."""
     directions = motion.rays(camera.model) @ camera.T_world_cam[:3, :3].T
     along, across = _perpendicular(baseline)

@@ -1,8 +1,8 @@
 """Which change of the rig would make its cameras agree on where something moves.
 
-`epipolar_motion.agreement` says how well two cameras agree. Each way in which a rig can be wrong is tried out as a repair: two
-cameras exchanged, images mirrored, a clock shifted, a focal length, a place fitted. The repair that makes cameras agree best, the
-simpler of two that are alike, is the diagnosis; none, if nothing helps much. After it, what remains is examined again.
+`epipolar_motion.agreement` says how well two cameras agree. Each way in which a rig can be wrong is tried out as a correction:
+two cameras exchanged, images mirrored, a clock shifted, a focal length, a place fitted. The correction that makes cameras agree
+best, the simpler of two that are alike, is the diagnosis; none, if nothing helps much. After it, what remains is examined again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from ..camera.rig import Camera
 from ..geometry import se3, so3
-from .epipolar_motion import LEAST_INSTANTS, Motion, agreements
+from .epipolar_motion import LEAST_INSTANTS, ImageMotion, agreements
 from .setup import Setup
 
 LEAST_GAIN = 0.012  # of agreement, after the price
@@ -31,7 +31,7 @@ _MANY_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Repair:
+class Correction:
     """A change that makes the cameras agree better.
 
     Parameters
@@ -52,16 +52,16 @@ class Repair:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Repairs in the order in which they were found, and the agreement of each camera's pairs before and after."""
+    """Corrections in the order in which they were found, and the agreement of each camera's pairs before and after."""
 
-    repairs: tuple[Repair, ...]
+    corrections: tuple[Correction, ...]
     before: np.ndarray
     after: np.ndarray
     setup: Setup
 
 
 def diagnose(setup: Setup, period_s: float) -> Diagnosis:
-    """Search up to three repairs, each after the one before.
+    """Search up to three corrections, each after the one before.
 
     Parameters
     ----------
@@ -70,36 +70,36 @@ def diagnose(setup: Setup, period_s: float) -> Diagnosis:
 
     Returns
     -------
-    The repairs, and the agreement before and after.
+    The corrections, and the agreement before and after.
     """
     before = agreements(setup.cameras, setup.motions)
-    repairs: list[Repair] = []
-    while len(repairs) < _MANY_ROUNDS:
+    corrections: list[Correction] = []
+    while len(corrections) < _MANY_ROUNDS:
         best = _best_repair(setup, period_s)
         if best is None:
             break
-        repairs.append(best)
+        corrections.append(best)
         setup = best.setup
-    return Diagnosis(tuple(repairs), before, agreements(setup.cameras, setup.motions), setup)
+    return Diagnosis(tuple(corrections), before, agreements(setup.cameras, setup.motions), setup)
 
 
-def _best_repair(setup: Setup, period_s: float) -> Repair | None:
+def _best_repair(setup: Setup, period_s: float) -> Correction | None:
     base = agreements(setup.cameras, setup.motions)
     if len(setup.cameras) < 2 or not np.isfinite(base).any():
         return None
     known = [r for r in [*_exchanges(setup, base), *_fits(setup, period_s)] if r.gain > LEAST_GAIN]
-    return max(known, key=lambda repair: repair.gain, default=None)
+    return max(known, key=lambda correction: correction.gain, default=None)
 
 
 def _total_gain(setup: Setup, base: np.ndarray) -> float:
     now = agreements(setup.cameras, setup.motions)
     changes = np.where(np.isfinite(now - base), setup.weights * (now - base), 0.0)
-    # As if one camera were concerned, so that repairs of one and of several can be compared
+    # As if one camera were concerned, so that corrections of one and of several can be compared
     return float(changes.sum() / 2.0 / np.median(setup.weights.sum(axis=1)))
 
 
-def _exchanges(setup: Setup, base: np.ndarray) -> Iterator[Repair]:
-    """Repairs without a number to fit."""
+def _exchanges(setup: Setup, base: np.ndarray) -> Iterator[Correction]:
+    """Corrections without a number to fit."""
     n = len(setup.cameras)
     for i, a in enumerate(setup.cameras):
         yield _exchange("mirrored", (a.name,), _mirrored(setup, [i]), base)
@@ -114,8 +114,8 @@ def _exchanges(setup: Setup, base: np.ndarray) -> Iterator[Repair]:
     yield _exchange("inverted", (), replace(setup, cameras=inverted), base)
 
 
-def _exchange(kind: str, cameras: tuple[str, ...], setup: Setup, base: np.ndarray) -> Repair:
-    return Repair(kind, cameras, _total_gain(setup, base), setup)
+def _exchange(kind: str, cameras: tuple[str, ...], setup: Setup, base: np.ndarray) -> Correction:
+    return Correction(kind, cameras, _total_gain(setup, base), setup)
 
 
 def _mirrored(setup: Setup, indices: Sequence[int] | range) -> Setup:
@@ -124,7 +124,7 @@ def _mirrored(setup: Setup, indices: Sequence[int] | range) -> Setup:
 
 
 def _swapped(setup: Setup, a: Camera, b: Camera) -> Setup:
-    def moved(source: Camera, target: Camera) -> Motion:
+    def moved(source: Camera, target: Camera) -> ImageMotion:
         motion = setup.motions[source.name]
         scale = np.array([target.model.width / source.model.width, target.model.height / source.model.height])
         return replace(motion, pixels=(motion.pixels + 0.5) * scale - 0.5)
@@ -136,7 +136,7 @@ def _placed(camera: Camera, turn: np.ndarray) -> Camera:
     return replace(camera, T_world_cam=camera.T_world_cam @ turn)
 
 
-def _fits(setup: Setup, period_s: float) -> Iterator[Repair]:
+def _fits(setup: Setup, period_s: float) -> Iterator[Correction]:
     for index in range(len(setup.cameras)):
         base = setup.agreement_of(index)
         if np.isfinite(base):
@@ -145,7 +145,7 @@ def _fits(setup: Setup, period_s: float) -> Iterator[Repair]:
             yield from _place(setup, index)
 
 
-def _clock(setup: Setup, index: int, base: float, period_s: float) -> Iterator[Repair]:
+def _clock(setup: Setup, index: int, base: float, period_s: float) -> Iterator[Correction]:
     name = setup.cameras[index].name
     n = len(setup.motions[name].valid)
     furthest = max(1, min(round(1.0 / period_s), n // 3, n - LEAST_INSTANTS))
@@ -162,10 +162,10 @@ def _clock(setup: Setup, index: int, base: float, period_s: float) -> Iterator[R
         late += 0.5 * (low - high) / min(low - 2.0 * middle + high, -1e-9)
     if shifts[best]:
         values = {"late_s": late * period_s}
-        yield Repair("clock", (name,), float(gains[best]), shifted(int(shifts[best])), values)
+        yield Correction("clock", (name,), float(gains[best]), shifted(int(shifts[best])), values)
 
 
-def _focal_length(setup: Setup, index: int) -> Iterator[Repair]:
+def _focal_length(setup: Setup, index: int) -> Iterator[Correction]:
     camera = setup.cameras[index]
 
     def repaired(zoom: np.ndarray) -> Camera:
@@ -177,10 +177,10 @@ def _focal_length(setup: Setup, index: int) -> Iterator[Repair]:
         zoom, gain = _fitted(setup, index, repaired, np.vstack([start, 0.0 * start]), np.array([0.3]))
         if abs(zoom[0]) >= _LEAST_ZOOM:
             values = {"factor": float(np.exp(zoom[0]))}
-            yield Repair("focal", (camera.name,), gain, setup.with_camera(index, repaired(zoom)), values)
+            yield Correction("focal", (camera.name,), gain, setup.with_camera(index, repaired(zoom)), values)
 
 
-def _place(setup: Setup, index: int) -> Iterator[Repair]:
+def _place(setup: Setup, index: int) -> Iterator[Correction]:
     camera = setup.cameras[index]
     distance = float(np.linalg.norm(camera.center - setup.center))
     to_scene = se3.apply(camera.T_cam_world, setup.center)
@@ -190,9 +190,7 @@ def _place(setup: Setup, index: int) -> Iterator[Repair]:
         def repaired(p: np.ndarray, scale: np.ndarray = scale) -> Camera:
             step = np.zeros(6)
             step[: len(p)] = p * scale
-            return replace(
-                camera, T_world_cam=camera.T_world_cam @ se3.from_rotation_translation(so3.exp(step[:3]), step[3:])
-            )
+            return replace(camera, T_world_cam=camera.T_world_cam @ se3.from_rotation_translation(so3.exp(step[:3]), step[3:]))
 
         simplex = np.vstack([np.zeros(n_free), np.eye(n_free)])
         p, gain = _fitted(setup, index, repaired, simplex, np.ones(n_free))
@@ -203,7 +201,7 @@ def _place(setup: Setup, index: int) -> Iterator[Repair]:
         moved = float(np.linalg.norm(now.center - camera.center))
         if max(off, 0.2 * turned, 0.5 * moved / distance) >= _LEAST_SHIFT:
             values = {"turned_deg": math.degrees(turned), "moved_m": moved}
-            yield Repair("place", (camera.name,), gain - _PRICE * (n_free - 1), setup.with_camera(index, now), values)
+            yield Correction("place", (camera.name,), gain - _PRICE * (n_free - 1), setup.with_camera(index, now), values)
         if gain < _WORTH_MORE:
             return
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .epipolar_motion import Motion
+from .epipolar_motion import ImageMotion
 from .recording import CameraRecording
 
 LAG_S = 0.05  # images that are compared are so far apart, or one image
@@ -33,7 +33,7 @@ def period_ns(recording: CameraRecording) -> int:
     return int(np.median(np.diff(recording.stamps_ns))) if len(recording) > 1 else 1_000_000_000
 
 
-def motion_on_grid(recording: CameraRecording, grid: np.ndarray, usable: np.ndarray) -> Motion:
+def motion_on_grid(recording: CameraRecording, grid: np.ndarray, usable: np.ndarray) -> ImageMotion:
     """Motion of one camera at the instants of a grid.
 
     Parameters
@@ -67,7 +67,7 @@ def motion_on_grid(recording: CameraRecording, grid: np.ndarray, usable: np.ndar
     used = np.flatnonzero(amounts.max(axis=0) > 0.0)
     v, u = np.divmod(used, cells[0])
     pixels = np.stack([(u + 0.5) * width / cells[0] - 0.5, (v + 0.5) * height / cells[1] - 0.5], axis=1)
-    return Motion.of_table(pixels, amounts[:, used], valid)
+    return ImageMotion.of_table(pixels, amounts[:, used], valid)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig
-from ..report.page import Section, write_page
+from ..report.page import PageSection, write_page
 from .diagnosis import Examination
 from .finding import FAULTS, Finding
 from .recording import CameraRecording
@@ -46,7 +46,9 @@ def write_examination(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     colors = {name: _COLORS_BGR[i % len(_COLORS_BGR)] for i, name in enumerate(rig.names)}
-    sections = [Section("Findings", _summary(examination), preformatted="\n\n".join(f.sentence for f in examination.findings))]
+    sections = [
+        PageSection("Findings", _summary(examination), preformatted="\n\n".join(f.sentence for f in examination.findings))
+    ]
     for camera in rig:
         recording = recordings[camera.name]
         if recording.picture is None:
@@ -54,8 +56,8 @@ def write_examination(
         path = folder / f"{camera.name}.png"
         own = [finding for finding in examination.findings if not finding.cameras or camera.name in finding.cameras]
         cv2.imwrite(str(path), _picture(camera, recording, examination, own, colors))
-        sections.append(Section(camera.name, " ".join(f.sentence for f in own) or "Nothing found.", picture=path))
-    sections.insert(1, Section("The pictures", _LINE_TEXT))
+        sections.append(PageSection(camera.name, " ".join(f.sentence for f in own) or "Nothing found.", picture=path))
+    sections.insert(1, PageSection("The pictures", _LINE_TEXT))
     write_page(folder / PAGE, "Check of a rig", sections)
     (folder / JSON).write_text(json.dumps(as_json(examination), indent=2) + "\n", encoding="utf-8")
     return folder / PAGE

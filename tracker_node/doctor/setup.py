@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera.rig import Camera
-from .epipolar_motion import Motion, agreement
+from .epipolar_motion import ImageMotion, agreement
 
 _FIT_INSTANTS = 40  # enough for a fit
 _NO_TRUST, _FULL_TRUST = 0.15, 0.5  # sines of the angle between the baseline and the line of sight
@@ -23,11 +23,11 @@ class Setup:
     """
 
     cameras: tuple[Camera, ...]
-    motions: Mapping[str, Motion]
+    motions: Mapping[str, ImageMotion]
     weights: np.ndarray
 
     @classmethod
-    def of(cls, cameras: Sequence[Camera], motions: Mapping[str, Motion]) -> Setup:
+    def of(cls, cameras: Sequence[Camera], motions: Mapping[str, ImageMotion]) -> Setup:
         """Cameras and motion with the weights that the places of the cameras give.
 
         Parameters
@@ -73,7 +73,7 @@ class Setup:
         """
         return replace(self, cameras=(*self.cameras[:index], camera, *self.cameras[index + 1 :]))
 
-    def with_motions(self, changed: Mapping[str, Motion]) -> Setup:
+    def with_motions(self, changed: Mapping[str, ImageMotion]) -> Setup:
         return replace(self, motions={**self.motions, **changed})
 
     def agreement_of(self, index: int) -> float:

@@ -14,7 +14,7 @@ from ..model.configuration import Configuration, State
 from ..model.humans.surfaces18 import ellipsoid_human, nurbs_human
 from ..render.raycast.raycaster import render_color
 from ..report.metrics_file import write_metrics
-from ..report.page import Section, write_page
+from ..report.page import PageSection, write_page
 from ..report.progress import say
 from ..synthesis.scenes.scene import looking_at
 from .cross.throw import cross_rig, side_somersault, twisting_somersault, yellow_stick
@@ -54,10 +54,10 @@ def draw_figures(folder: Path, rig_file: str | None, quick: bool) -> None:
         metrics[f"surface_distance.{row.segment}_max_mm"] = row.max_mm
     write_metrics(folder / "metrics.json", metrics)
     write_page(folder / "report.html", "Bodies, matching, cameras", [
-        Section("Fig. 1", "The body of the target images, and the one that tracks it.", picture=folder / "fig1.png"),
-        Section("How far their surfaces lie apart", preformatted=table),
-        Section("Fig. 2", "A target image, and the body drawn in an estimate that is still off.", picture=folder / "fig2.png"),
-        Section("Fig. 3", "The cameras from above.", picture=folder / "fig3.png"),
+        PageSection("Fig. 1", "The body of the target images, and the one that tracks it.", picture=folder / "fig1.png"),
+        PageSection("How far their surfaces lie apart", preformatted=table),
+        PageSection("Fig. 2", "A target image, and the body in an estimate that is still off.", picture=folder / "fig2.png"),
+        PageSection("Fig. 3", "The cameras from above.", picture=folder / "fig3.png"),
     ])  # fmt: skip
     say(f"wrote {folder}/fig1.png, fig2.png, fig3.png, surface_distance.txt, metrics.json and report.html")
 

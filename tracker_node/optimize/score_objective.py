@@ -28,7 +28,7 @@ class ScoreObjective(Protocol):
         ...
 
 
-class Evaluation(NamedTuple):
+class ScoredState(NamedTuple):
     """One scored state: which stage of the schedule asked, for which variable (None: all at once), and the answer."""
 
     stage: int
@@ -57,7 +57,7 @@ class SearchResult:
     evaluations: int
     evaluations_per_variable: np.ndarray
     converged: bool
-    trace: tuple[Evaluation, ...] = ()
+    trace: tuple[ScoredState, ...] = ()
 
 
 class VariableSpace:
@@ -70,7 +70,7 @@ class VariableSpace:
         self.size = len(self.start)
         self.evaluations = 0
         self.per_variable = np.zeros(self.size)
-        self.trace: list[Evaluation] | None = [] if keep_trace else None
+        self.trace: list[ScoredState] | None = [] if keep_trace else None
         self._whole = self._objective = objective
         self._stage = 0
 
@@ -106,7 +106,7 @@ class VariableSpace:
         elif len(active):
             self.per_variable[list(active)] += len(states) / len(active)
         if self.trace is not None:
-            self.trace += [Evaluation(self._stage, variable, x.copy(), float(f)) for x, f in zip(points, values, strict=True)]
+            self.trace += [ScoredState(self._stage, variable, x.copy(), float(f)) for x, f in zip(points, values, strict=True)]
         return values
 
     def result(self, x: np.ndarray, score: float, converged: bool) -> SearchResult:

@@ -48,9 +48,7 @@ def schedule(steps_mm: Sequence[float], steps_deg: Sequence[float], row_steps: S
     As many loops.
     """
     rows = row_steps or [1] * len(steps_mm)
-    return tuple(
-        LoopOptions(1e-3 * mm, math.radians(deg), n) for mm, deg, n in zip(steps_mm, steps_deg, rows, strict=True)
-    )
+    return tuple(LoopOptions(1e-3 * mm, math.radians(deg), n) for mm, deg, n in zip(steps_mm, steps_deg, rows, strict=True))
 
 
 FIVE_LOOPS = schedule((50, 30, 20, 10, 10), (5, 3, 2, 1, 1))
@@ -90,7 +88,7 @@ class SteppingOptions:
 
 
 @dataclass(frozen=True)
-class Line:
+class LineWalk:
     """The walk along one variable: its best place and score, and whether the rising score (or a limit) has ended it."""
 
     place: float
@@ -101,7 +99,7 @@ class Line:
 def _walk_line(
     scores_at: Callable[[list[float]], np.ndarray], place: float, score: float, step: float, limits: tuple[float, float],
     options: SteppingOptions, use_v: bool,
-) -> Line:  # fmt: skip
+) -> LineWalk:  # fmt: skip
     """Walk along one variable: both neighbors, then on in the lower one's direction until the score has risen often enough.
 
     As many increases as are missing, so many points are needed at least: they are scored at once, and none is wasted.
@@ -129,12 +127,12 @@ def _walk_line(
     best = min(range(len(values)), key=values.__getitem__)
     if values[best] >= score:
         best = 1  # stay where nothing is better
-    line = Line(places[best], values[best], rises >= options.increases or wall)
+    line = LineWalk(places[best], values[best], rises >= options.increases or wall)
     refined = vertex(places, values) if use_v else None
     if refined is None or refined in places:
         return line
     f = float(scores_at([refined])[0])
-    return Line(refined, f, line.ended) if f < line.score else line
+    return LineWalk(refined, f, line.ended) if f < line.score else line
 
 
 def step_downhill(

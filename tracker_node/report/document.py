@@ -174,7 +174,7 @@ class Pictures(Block):
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class DocumentSection:
     """A heading with what stands below it."""
 
     key: str
@@ -190,7 +190,7 @@ class Document:
     date: str
     facts: Sequence[tuple[str, str]]
     problems: Sequence[str]
-    sections: Sequence[Section]
+    sections: Sequence[DocumentSection]
     meanings: Sequence[tuple[str, str]] = ()
     made: Sequence[tuple[str, str]] = ()
 

@@ -17,7 +17,7 @@ from .metrics_file import command_line, cpu, versions
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class PageSection:
     """A heading with a sentence, then a table, a picture, or plain text; what is empty is left out.
 
     Parameters
@@ -33,7 +33,7 @@ class Section:
     preformatted: str = ""
 
 
-def write_page(path: str | Path, title: str, sections: Sequence[Section]) -> None:
+def write_page(path: str | Path, title: str, sections: Sequence[PageSection]) -> None:
     """Write a page as HTML; folders are made.
 
     Parameters

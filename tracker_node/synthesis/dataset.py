@@ -44,7 +44,7 @@ _DRAWING = ("dataset", "scenes/*", "subjects/cones", "subjects/mannequin")
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class PosedSubject:
     """One instant of a subject: its mesh and its landmarks (m, 3), meters, world."""
 
     mesh: ColoredMesh
@@ -69,7 +69,7 @@ class Sequence:
 
     name: str
     landmark_names: tuple[str, ...]
-    instants: Iterable[Instant]
+    instants: Iterable[PosedSubject]
     n_images: int
     rate_hz: float = 30.0
     static_landmarks: np.ndarray | None = None
@@ -242,9 +242,9 @@ def mannequin_sequence(
     subject = MannequinSubject(stature, part_colors_rgb)
     colors = {} if part_colors_rgb is None else {"colors": digest(subject.colors_rgb)}
 
-    def instants() -> Iterator[Instant]:
+    def instants() -> Iterator[PosedSubject]:
         for body in subject.follow(motion):
-            yield Instant(ColoredMesh(body.vertices, subject.faces, subject.colors_rgb), body.landmarks)
+            yield PosedSubject(ColoredMesh(body.vertices, subject.faces, subject.colors_rgb), body.landmarks)
 
     return Sequence(
         name=f"mannequin_{motion.name}", landmark_names=LANDMARKS, instants=instants(), n_images=len(motion),
@@ -270,10 +270,10 @@ def model_sequence(model: ArticulatedModel, states: Iterable[State], rate_hz: fl
     subject = ModelSubject(model)
     states = list(states)
 
-    def instants() -> Iterator[Instant]:
+    def instants() -> Iterator[PosedSubject]:
         for state in states:
             configuration = Configuration(model, state)
-            yield Instant(subject.mesh(configuration), np.array(configuration.landmarks_world))
+            yield PosedSubject(subject.mesh(configuration), np.array(configuration.landmarks_world))
 
     rest = subject.mesh(Configuration(model, State.neutral(model)))
     content = digest(rest.vertices, rest.colors_rgb, *(state.to_values() for state in states))

@@ -9,12 +9,12 @@ from helpers.cameras.board_scenes import CHARUCO, PERIOD_S, board_pose, corners_
 from tracker_node.calibration.board.adjustment import BoardAdjustment, BoardState
 from tracker_node.calibration.board.refinement import rows_of
 from tracker_node.calibration.board.report import (
-    CameraFigures,
-    camera_figures,
+    CameraMetrics,
+    camera_metrics,
     coverage_notes,
     covered,
-    pair_figures,
-    rig_figures,
+    pair_metrics,
+    rig_metrics,
     rms,
     worst_views,
 )
@@ -46,7 +46,7 @@ def with_residuals(found, residuals, **state):
 
 def figures(clock_s=0.0, sigma_s=0.0):
     empty = np.array([[3.0, 4.0], [0.0, 1.0], [0.0, 0.0]])
-    return CameraFigures(empty, empty, 1, 0.0, 0.0, clock_s, sigma_s, 0.0, np.zeros(4))
+    return CameraMetrics(empty, empty, 1, 0.0, 0.0, clock_s, sigma_s, 0.0, np.zeros(4))
 
 
 def test_rms_is_of_lengths():
@@ -68,7 +68,7 @@ def test_figures_of_cameras(found):
     rows = rows_of(found.rig.names, found.instants)
     residuals = np.tile([[0.5, -0.5]], (len(rows.camera), 1)) * (1 + rows.camera[:, None])
     jitter_s = np.full((len(found.instants), 3), 0.02)
-    result = camera_figures(with_residuals(found, residuals, clocks_s=np.array([0.0, 0.1, -0.2]), jitter_s=jitter_s))
+    result = camera_metrics(with_residuals(found, residuals, clocks_s=np.array([0.0, 0.1, -0.2]), jitter_s=jitter_s))
     assert list(result) == list(found.rig.names)
     for i, (name, c) in enumerate(result.items()):
         seen = [instant.views[name] for instant in found.instants if name in instant.views]
@@ -85,7 +85,7 @@ def test_figures_of_cameras(found):
 
 
 def test_pairs_that_are_true_agree(found):
-    result = pair_figures(found)
+    result = pair_metrics(found)
     assert len(result) == 2  # the first and the last see no board together
     for (a, b), (n, error) in result.items():
         together = [i for i in found.instants if a in i.views and b in i.views and set(i.views[a].ids) & set(i.views[b].ids)]
@@ -98,8 +98,8 @@ def test_a_camera_whose_corners_are_off_disagrees_with_the_others_alone(found):
     """Corners of one camera lie 2 px off across its images: pairs with it are about half of that off in each image."""
     rows = rows_of(found.rig.names, found.instants)
     off = np.where((rows.camera == 2)[:, None], [0.0, 2.0], 0.0)
-    good = {pair for pair in pair_figures(found) if found.rig.names[2] not in pair}
-    for pair, (_, error) in pair_figures(with_residuals(found, off)).items():
+    good = {pair for pair in pair_metrics(found) if found.rig.names[2] not in pair}
+    for pair, (_, error) in pair_metrics(with_residuals(found, off)).items():
         if pair in good:
             assert error < 1e-3
         else:
@@ -114,21 +114,21 @@ def test_a_pair_that_sees_no_board_together_is_left_out(found):
     )
     n = sum(len(i.views[first].ids) for i in alone)
     lonely = replace(found, instants=alone, adjustment=replace(found.adjustment, state=state, residuals_px=np.zeros((n, 2))))
-    assert pair_figures(lonely) == {}
+    assert pair_metrics(lonely) == {}
 
 
 def test_flat_metrics_say_the_same(found):
     rows = rows_of(found.rig.names, found.instants)
     wrong = with_residuals(found, np.tile([[0.3, 0.4]], (len(rows.camera), 1)), clocks_s=np.array([0.0, 0.002, 0.0]))
-    metrics = rig_figures(wrong)
+    metrics = rig_metrics(wrong)
     a, b, _ = found.rig.names
     assert metrics["rig.sets"] == len(found.instants)
     assert metrics["rig.corners"] == len(rows.camera)
     assert metrics["rig.rms_px"] == metrics["rig.median_px"] == pytest.approx(0.5)
     assert (metrics["rig.outliers"], metrics["rig.converged"]) == (0, 1)
     assert metrics[f"rig.{b}.later_ms"] == pytest.approx(2.0)
-    assert metrics[f"rig.{b}.place_sigma_mm"] == pytest.approx(1e3 * camera_figures(wrong)[b].place_sigma_m)
-    assert metrics[f"rig.{a}_{b}.sets"] == pair_figures(wrong)[a, b][0]
+    assert metrics[f"rig.{b}.place_sigma_mm"] == pytest.approx(1e3 * camera_metrics(wrong)[b].place_sigma_m)
+    assert metrics[f"rig.{a}_{b}.sets"] == pair_metrics(wrong)[a, b][0]
 
 
 def test_worst_views_come_first(found):

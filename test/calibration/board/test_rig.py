@@ -10,10 +10,10 @@ from tracker_node.calibration.board.intrinsics import calibrate_lens
 from tracker_node.calibration.board.lens_parameters import lens_vector
 from tracker_node.calibration.board.refinement import BoardRigOptions
 from tracker_node.calibration.board.report import (
-    camera_figures,
+    camera_metrics,
     coverage_notes,
     covered,
-    pair_figures,
+    pair_metrics,
     rig_tables,
     worst_views,
     write_rig_page,
@@ -56,7 +56,7 @@ def test_rig_and_lenses_are_found(exact):
 def test_sigmas_are_as_large_as_the_errors(exact):
     rig, _, found = exact
     ratios = []
-    for name, figures in camera_figures(found).items():
+    for name, figures in camera_metrics(found).items():
         error = lens_vector(found.rig[name].model)[:4] - lens_vector(rig[name].model)[:4]
         ratios.append(error / figures.lens_sigma[:4])
     assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 2.0  # 24 normal numbers
@@ -73,7 +73,7 @@ def test_the_world_is_that_of_the_first_camera(exact):
 
 def test_pairs_agree_to_the_noise(exact, tmp_path):
     _, seen, found = exact
-    pairs = pair_figures(found)
+    pairs = pair_metrics(found)
     assert len(pairs) >= 6 and all(0.1 < error < 0.45 for n, error in pairs.values() if n > 5)
     cameras, table, *_ = rig_tables(found, seen)
     assert [row[0] for row in cameras.table[1:]] == list(seen) and len(table.table[1:]) == len(pairs)
@@ -91,12 +91,12 @@ def test_clocks_and_stamps_that_are_off_are_found():
     free, believed = (
         calibrate_rig(CHARUCO, seen, BoardRigOptions(clocks=clocks, free_lenses=False), lenses) for clocks in ("free", "exact")
     )
-    figures = camera_figures(free)
+    figures = camera_metrics(free)
     for name, true_s in zip(rig.names, late_s, strict=True):
         assert abs(figures[name].clock_s - true_s) <= 3.0 * figures[name].clock_sigma_s < 0.012
     assert figures["cam2"].clock_is_off and figures["cam3"].clock_is_off and not figures["cam1"].clock_is_off
     assert differences(free.rig, rig)[0] < 0.5 * differences(believed.rig, rig)[0]
-    assert figures["cam2"].rms_px < 0.5 < 1.0 < camera_figures(believed)["cam2"].rms_px
+    assert figures["cam2"].rms_px < 0.5 < 1.0 < camera_metrics(believed)["cam2"].rms_px
     assert 0.004 < figures["cam2"].jitter_s < 0.012
 
 

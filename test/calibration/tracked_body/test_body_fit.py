@@ -4,7 +4,7 @@ import pytest
 from helpers.bodies.person_pictures import CONFIG, GROUPS, pictures
 from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions, fit_body
 from tracker_node.calibration.tracked_body.lines import RegionEvidence, SilhouetteEvidence, joined
-from tracker_node.calibration.tracked_body.solver import Estimate, Motion, Problem, SharedPrior, shared_covariance, solve
+from tracker_node.calibration.tracked_body.solver import BodyMotion, Estimate, Problem, SharedPrior, shared_covariance, solve
 from tracker_node.errors import TrackerError
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.objective.shape_jacobian import N_CAMERA, line_residuals
@@ -55,7 +55,7 @@ def test_the_arrow_is_solved_as_the_whole_system_would_be():
     evidence.look(world.given, world.rig, states, 3.0)
     lines = [evidence.lines(k, world.given, world.rig, states[k]) for k in range(2)]
     n_dof, n_shape = world.given.n_dof, len(space)
-    motions = [Motion(np.zeros(n_dof), np.zeros(len(world.rig)))] * 2
+    motions = [BodyMotion(np.zeros(n_dof), np.zeros(len(world.rig)))] * 2
     prior = SharedPrior(space.sigmas, np.zeros((len(world.rig), N_CAMERA)))
     problem = Problem(space, world.rig, motions, [[], []], prior)
     start = Estimate(world.states[:2], np.zeros(n_shape), np.zeros((len(world.rig), N_CAMERA)))

@@ -7,15 +7,15 @@ import pytest
 
 from helpers.bodies.two_links import two_links
 from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.calibration.tracked_body.body_fit import BodyFit, BodyFitReport, LineFigures, ParameterFigures
+from tracker_node.calibration.tracked_body.body_fit import BodyFit, BodyFitReport, FittedParameter, LineMetrics
 from tracker_node.calibration.tracked_body.report import (
     before_and_after,
-    body_figures,
+    body_metrics,
     camera_table,
     line_table,
     measure_table,
     parameter_table,
-    rig_figures,
+    rig_metrics,
 )
 from tracker_node.calibration.tracked_body.rig_fit import CameraFit, RigFit
 from tracker_node.geometry import se3
@@ -24,9 +24,9 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.observation.image_set import CameraImage, ImageSet
 
-BEFORE, AFTER = LineFigures(90, 3.0, 2.0), LineFigures(100, 1.5, 1.0)
+BEFORE, AFTER = LineMetrics(90, 3.0, 2.0), LineMetrics(100, 1.5, 1.0)
 PAIR, RIG, ARM = (BEFORE, AFTER), circle_rig(2), two_links()
-PARAMETERS = (ParameterFigures("length arm", 0.05, 0.01, 0.1), ParameterFigures("girth arm", -0.02, 0.005, 0.0))
+PARAMETERS = (FittedParameter("length arm", 0.05, 0.01, 0.1), FittedParameter("girth arm", -0.02, 0.005, 0.0))
 REPORT = BodyFitReport(PARAMETERS, {"cam01": PAIR}, {"hand": PAIR}, PAIR, 7, 12)
 CAMERA = CameraFit(BEFORE, AFTER, 0.012, np.radians(0.5), 0.02, 1.03, 0.001, np.radians(0.05), 0.004, 0.002)
 RIG_FIT = RigFit(RIG, ARM, (), (), {"cam01": CAMERA}, PAIR, 7, 12)
@@ -62,7 +62,7 @@ def test_cameras_in_readable_units():
 
 
 def test_flat_figures_of_a_body():
-    figures = body_figures(BodyFit(ARM, (), REPORT))
+    figures = body_metrics(BodyFit(ARM, (), REPORT))
     assert (figures["body.sets"], figures["body.iterations"], figures["body.lines"]) == (7, 12, 100)
     for key in ("body", "body.cam01", "body.hand"):
         assert (figures[f"{key}.rms_before_px"], figures[f"{key}.rms_after_px"]) == (3.0, 1.5)
@@ -70,7 +70,7 @@ def test_flat_figures_of_a_body():
 
 
 def test_flat_figures_of_a_rig():
-    figures = rig_figures(RIG_FIT)
+    figures = rig_metrics(RIG_FIT)
     assert (figures["refine.sets"], figures["refine.rms_before_px"], figures["refine.rms_after_px"]) == (7, 3.0, 1.5)
     own = {key.removeprefix("refine.cam01."): value for key, value in figures.items() if "cam01" in key}
     assert own == pytest.approx({

@@ -8,8 +8,8 @@ import pytest
 from helpers.bodies.bodies import crane, random_state
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.tracked_body.solver import (
+    BodyMotion,
     Estimate,
-    Motion,
     Problem,
     SharedPrior,
     clustered_covariance,
@@ -51,7 +51,7 @@ def lines_of(problem, truth, k, seed=7, noise_px=0.0):
 
 
 def problem_of(n_sets, shared=HELD, priors=None, velocity=None, **other):
-    motion = Motion(np.zeros(N_DOF) if velocity is None else velocity, np.zeros(N_CAMERAS))
+    motion = BodyMotion(np.zeros(N_DOF) if velocity is None else velocity, np.zeros(N_CAMERAS))
     return Problem(SPACE, RIG, [motion] * n_sets, priors or [[]] * n_sets, shared, **other)
 
 
@@ -79,7 +79,7 @@ def test_a_camera_is_moved_in_its_own_frame_and_zoomed():
 
 def test_each_camera_sees_the_body_when_it_exposes():
     velocity = np.linspace(0.1, 1.0, N_DOF)
-    motion = Motion(velocity, np.array([0.0, 0.02, 0.02]))
+    motion = BodyMotion(velocity, np.array([0.0, 0.02, 0.02]))
     cameras = np.zeros((N_CAMERAS, N_CAMERA))
     cameras[2, TIME] = 0.03
     here = state(1)

@@ -8,7 +8,7 @@ import pytest
 from helpers.bodies.moving_person import moving
 from helpers.bodies.two_links import two_links
 from tracker_node.evaluation.motion.export import ExportOptions
-from tracker_node.evaluation.motion.export_csv import TABLES, Table, tables, write_tables
+from tracker_node.evaluation.motion.export_csv import TABLES, MotionTable, tables, write_tables
 from tracker_node.evaluation.motion.kinematics import StateKinematics
 from tracker_node.model.articulated import Landmark
 
@@ -44,7 +44,7 @@ def test_names_of_all_tables():
 def test_rows_with_stamps_times_and_empty_cells(tmp_path):
     motion = moving(2, rate_hz=10.0)
     values, valid = np.array([[1.5, -2.0], [0.25, 7.0]]), np.array([[True, False], [True, True]])
-    write_tables(motion, tmp_path / "new" / "folder", [Table("landmarks", ("a_m", "b_m"), values, valid)])
+    write_tables(motion, tmp_path / "new" / "folder", [MotionTable("landmarks", ("a_m", "b_m"), values, valid)])
     written = (tmp_path / "new" / "folder" / "landmarks.csv").read_text().splitlines()
     assert written[0] == "stamp_ns,time_s,a_m,b_m"
     first, second = (line.split(",") for line in written[1:])
@@ -56,7 +56,7 @@ def test_tables_of_an_earlier_export_go_and_other_files_stay(tmp_path):
     for name in ("landmarks", "isb_angles", "state_velocities", "my_own"):
         (tmp_path / f"{name}.csv").write_text("earlier")
     empty = np.zeros((1, 1))
-    write_tables(moving(1), tmp_path, [Table("landmarks", ("a",), empty, empty == 0)])
+    write_tables(moving(1), tmp_path, [MotionTable("landmarks", ("a",), empty, empty == 0)])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["landmarks.csv", "my_own.csv"]
     assert (tmp_path / "my_own.csv").read_text() == "earlier" != (tmp_path / "landmarks.csv").read_text()
 

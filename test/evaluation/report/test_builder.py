@@ -22,7 +22,7 @@ from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.states import TrueStates, unwrapped
 from tracker_node.model.configuration import variable_names
-from tracker_node.report.document import Column, Document, Section, Table, strips_of
+from tracker_node.report.document import Column, Document, DocumentSection, Table, strips_of
 from tracker_node.report.figure_files import file_name, write_figure_files
 from tracker_node.report.html import render_html
 from tracker_node.report.pdf import write_pdf
@@ -217,7 +217,7 @@ def test_names_of_files_are_harmless():
 
 def test_names_that_files_cannot_tell_apart_get_files_of_their_own(tmp_path):
     blocks = [Table(key, "t", "", [Column("a", is_text=True)], [[key]]) for key in ("a/b", "a:b")]
-    written = write_figure_files(tmp_path, Document("t", "d", [], [], [Section("s", "s", blocks)]))
+    written = write_figure_files(tmp_path, Document("t", "d", [], [], [DocumentSection("s", "s", blocks)]))
     assert len(set(written)) == 4
     assert sorted(path.read_text().split()[1] for path in written if path.suffix == ".csv") == ["a/b", "a:b"]
 
@@ -254,7 +254,7 @@ def test_wide_text_ends_before_the_right_edge(tmp_path, monkeypatch):
     monkeypatch.setattr(PdfPages, "savefig", measured)
     columns = [Column("figure", is_text=True), Column("value"), Column("meaning", is_text=True)]
     table = Table("t", "Table", WIDE, columns, [["WWWW", 1.0, WIDE], ["W", 2.0, "M"]])
-    document = Document("MWM " * 20, "d", [("fact", WIDE)], [WIDE], [Section("s", "S", [table])])
+    document = Document("MWM " * 20, "d", [("fact", WIDE)], [WIDE], [DocumentSection("s", "S", [table])])
     assert write_pdf(tmp_path / "wide.pdf", document) > 0
     assert len(edges) > 20 and 7.0 < max(edges) <= 8.27 - 0.55
 
@@ -272,7 +272,9 @@ def test_very_many_columns_are_continued_below(tmp_path, monkeypatch):
     numbers = [Column(f"title {i:02}", 2, f"group {i // 4}") for i in range(40)]
     columns = [Column("figure", is_text=True), *numbers, Column("M" * 200), Column("a note", is_text=True)]
     rows = [[f"row {k}", *(100.0 * k + i for i in range(40)), 7.0, "said"] for k in range(3)]
-    write_pdf(tmp_path / "many.pdf", Document("t", "d", [], [], [Section("s", "S", [Table("t", "T", "", columns, rows)])]))
+    write_pdf(
+        tmp_path / "many.pdf", Document("t", "d", [], [], [DocumentSection("s", "S", [Table("t", "T", "", columns, rows)])])
+    )
     said = [text for text, _, _ in texts]
     assert min(size for _, size, _ in texts) >= 6.0 and max(right for _, _, right in texts) <= 8.27 - 0.55
     parts = said.count("figure")

@@ -15,7 +15,7 @@ from tracker_node.studio.digitize.click_store import ClickStore
 EYES = {"left": (2.0, 0.3, 1.2), "back": (-0.6, 2.1, 1.0), "right": (-1.5, -1.6, 1.4)}
 RIG = CameraRig(tuple(look_at(eye, (0.0, 0.0, 0.8), LENSES["radial"], name) for name, eye in EYES.items()))
 PLAIN_RIG = CameraRig(tuple(look_at(eye, (0.0, 0.0, 0.8), LENSES["plain"], name) for name, eye in EYES.items()))
-LENS = digitizing.Method()
+LENS = digitizing.ReconstructionOptions()
 
 
 def click_all(store, pass_name, stamp_ns, point, place, noise=(0.0, 0.0), rig=RIG):
@@ -120,7 +120,7 @@ def test_repeated_digitizing_tells_the_digitizers_noise(tmp_path):
     found = digitizing.repeatability_of(RIG, store, ("first", "second"), LENS)
     assert found.freedom == 30 * 3 * 2 and found.freedom_3d == 30 * 3
     assert found.pixels == pytest.approx(0.6, rel=0.15)
-    (_, point) = digitizing.reconstruct(RIG, store.clicked("first", 0), digitizing.Method(sigma_px=0.6))["hip"]
+    (_, point) = digitizing.reconstruct(RIG, store.clicked("first", 0), digitizing.ReconstructionOptions(sigma_px=0.6))["hip"]
     assert found.meters == pytest.approx(np.sqrt(np.mean(point.sigma_m**2)), rel=0.25)
 
 

@@ -12,7 +12,7 @@ from tracker_node.cli.main import main
 from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.rig.control_points import load_clicks, load_control_points
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
-from tracker_node.studio.digitize.digitizing import Method, reconstruct
+from tracker_node.studio.digitize.digitizing import ReconstructionOptions, reconstruct
 
 pytestmark = pytest.mark.long  # a browser and a studio for each test
 
@@ -271,7 +271,7 @@ def test_control_points_become_a_file_for_calibrate_dlt(tmp_path):
     assert main(["calibrate", "dlt", *arguments]) == 0
     by_hand = load_rig(tmp_path / "dlt.yaml")
     seen_again = {camera.name: {"p": camera.project(PLACE)[0]} for camera in rig}
-    (_, found) = reconstruct(by_hand, seen_again, Method("dlt"))["p"]
+    (_, found) = reconstruct(by_hand, seen_again, ReconstructionOptions("dlt"))["p"]
     assert np.linalg.norm(found.position_m - PLACE) < 0.01
 
 

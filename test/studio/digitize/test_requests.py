@@ -15,7 +15,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.file_model import validate
 from tracker_node.studio.digitize.click_store import ClickStore
-from tracker_node.studio.digitize.page import Asked, AskedClick, AskedName, Desk
+from tracker_node.studio.digitize.page import Asked, AskedClick, AskedName, DigitizePage
 from tracker_node.studio.images import SetNumbers
 from tracker_node.studio.session import StudioFiles, StudioSession
 
@@ -65,7 +65,7 @@ def session(tmp_path):
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(requests(), min_size=1, max_size=12))
 def test_any_request_is_answered_or_refused_in_words(session, wanted):
-    desk = Desk(session)
+    desk = DigitizePage(session)
     desk.add_point(AskedName(name="hip"))
     actions = {
         "click": desk.click,
@@ -89,10 +89,10 @@ def test_any_request_is_answered_or_refused_in_words(session, wanted):
 
 def test_a_second_studio_may_look_at_the_same_clicks_but_change_them_only_after_the_first_has_ended(session):
     second_session = replace(session, closing=ExitStack())
-    second = Desk(second_session)
+    second = DigitizePage(second_session)
     assert second.facts()["points"] == []
     with session.closing:
-        Desk(session).add_point(AskedName(name="hip"))
+        DigitizePage(session).add_point(AskedName(name="hip"))
         with pytest.raises(TrackerError, match=rf"clicks: process {os.getpid()} works in this folder"):
             second.add_point(AskedName(name="knee"))
     with second_session.closing:
@@ -100,7 +100,7 @@ def test_a_second_studio_may_look_at_the_same_clicks_but_change_them_only_after_
 
 
 def test_looking_makes_no_folder(session):
-    desk = Desk(session)
+    desk = DigitizePage(session)
     desk.facts()
     desk.sheet(Asked(set=0, sheet="first"))
     desk.repeatability(Asked(set=0, sheet="first"))

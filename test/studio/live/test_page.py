@@ -32,7 +32,7 @@ from helpers.studio.studio_process import running_studio
 from tracker_node.errors import TrackerError
 from tracker_node.ros.conversions import compressed_message, image_message, stamp_message
 from tracker_node.ros.qos import RESULT
-from tracker_node.studio.live.page import Desk
+from tracker_node.studio.live.page import LivePage
 from tracker_node.studio.session import StudioFiles, StudioSession
 
 pytestmark = pytest.mark.long  # a browser and a studio for each test
@@ -220,7 +220,7 @@ def test_without_its_facts_the_page_says_why(ros):
 
 def test_a_view_outlives_a_request_that_cannot_be_sent_and_is_made_anew_where_it_has_ended(fake):
     session = StudioSession(StudioFiles())
-    desk = Desk(session)
+    desk = LivePage(session)
     try:
         view = desk.view()
         wait_until(lambda: {"/fake/enable", "/fake/set_state"} <= view.services.keys())

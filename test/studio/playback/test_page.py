@@ -19,7 +19,7 @@ from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.runs.load import load_run
 from tracker_node.runs.messages import CAMERA_INFO, camera_info
-from tracker_node.studio.playback.page import PlaybackDesk
+from tracker_node.studio.playback.page import PlaybackPage
 from tracker_node.studio.playback.run import open_run
 from tracker_node.studio.session import StudioFiles, open_session
 
@@ -65,7 +65,7 @@ def test_reasons_come_from_the_bag_or_the_table(clip, tmp_path):
     (tmp_path / "table/states.csv").write_bytes((tmp_path / "run/states.csv").read_bytes())
     assert open_run(open_session(files(clip, run=tmp_path / "table"))).reasons == of_bag
     assert len(of_bag) == 3 and all("2 of 3 cameras" in reason for reason in of_bag)
-    shown = PlaybackDesk(open_session(files(clip, run=tmp_path / "run"))).run()
+    shown = PlaybackPage(open_session(files(clip, run=tmp_path / "run"))).run()
     residuals = dict(zip(shown["residual_cameras"], zip(*shown["camera_residuals"], strict=True), strict=True))
     assert residuals["cam03"] == (None, None, None) and all(value > 0.0 for value in residuals["cam01"])
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from helpers.cameras.small_clip import make_clip
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.file_model import validate
-from tracker_node.studio.pose.page import Drag, Loaded, Pose, PoseDesk, PoseInSet, Saved
+from tracker_node.studio.pose.page import Drag, Loaded, Pose, PoseInSet, PosePage, Saved
 from tracker_node.studio.session import StudioFiles, open_session
 
 N_DOF = 9
@@ -40,7 +40,7 @@ QUESTIONS = {
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
     clip = make_clip(tmp_path_factory.mktemp("clip"), n_images=2)
-    return PoseDesk(open_session(StudioFiles(rig=clip.rig_file, model=clip.model_file, folder=clip.folder)))
+    return PosePage(open_session(StudioFiles(rig=clip.rig_file, model=clip.model_file, folder=clip.folder)))
 
 
 @pytest.mark.parametrize("question", QUESTIONS)

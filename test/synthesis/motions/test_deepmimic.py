@@ -8,10 +8,10 @@ import pytest
 from tracker_node.errors import FileFormatError, SourceError, UnknownNameError
 from tracker_node.geometry import so3
 from tracker_node.synthesis.motions import deepmimic as clips
-from tracker_node.synthesis.motions.deepmimic import Clip, find_clip, load_motion, read_clip
+from tracker_node.synthesis.motions.deepmimic import MotionClip, find_clip, load_motion, read_clip
 
 
-def turning_clip(wraps: bool = True) -> Clip:
+def turning_clip(wraps: bool = True) -> MotionClip:
     """Walks 1 m along x (clip axes) in 1 s while it turns by 0.5 rad about the vertical; the right knee bends by 1 rad."""
     n = 11
     columns = np.zeros((n, clips.N_COLUMNS))
@@ -23,7 +23,7 @@ def turning_clip(wraps: bool = True) -> Clip:
     columns[:, 4], columns[:, 6] = np.cos(angle / 2), np.sin(angle / 2)
     columns[:, 20] = -np.linspace(0.0, 1.0, n)
     columns[:, 25:29] *= 1.1  # not normalized, as in real clips
-    return Clip("turning", columns, wraps)
+    return MotionClip("turning", columns, wraps)
 
 
 def test_clip_axes_become_forward_left_up():

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...camera.model import CameraModel
 from ...geometry import se3
-from ...report.page import Section, write_page
+from ...report.page import PageSection, write_page
 from ..points.triangulation import reproject, triangulate
 from .adjustment import BoardObservations
 from .board import BoardView
@@ -29,7 +29,7 @@ ENOUGH_COVERED = 0.4  # of an image, for a lens that can be relied on
 _CELLS = 8  # along the longer side of an image, for the share that is covered
 
 
-def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section]:
+def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[PageSection]:
     """Tables of cameras, pairs, lenses and outliers.
 
     Parameters
@@ -41,7 +41,7 @@ def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section
     -------
     One section a table.
     """
-    figures = camera_figures(found)
+    figures = camera_metrics(found)
     cameras = [
         (
             name, str(c.views), str(len(c.pixels)), f"{c.rms_px:.2f}", f"{c.median_px:.2f}",
@@ -52,15 +52,15 @@ def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section
         for name, c in figures.items()
     ]  # fmt: skip
     measured = ("images", "corners", "rms px", "median px", "covered %", "place ± mm", "turn ± deg", "later ms", "jitter ms")
-    tables = [Section("Cameras", table=(("camera", *measured), *cameras))]
-    pairs = [(f"{a} {b}", str(n), f"{error:.2f}") for (a, b), (n, error) in pair_figures(found).items()]
-    tables.append(Section("Pairs", table=(("cameras", "images", "rms px"), *pairs)))
+    tables = [PageSection("Cameras", table=(("camera", *measured), *cameras))]
+    pairs = [(f"{a} {b}", str(n), f"{error:.2f}") for (a, b), (n, error) in pair_metrics(found).items()]
+    tables.append(PageSection("Pairs", table=(("cameras", "images", "rms px"), *pairs)))
     for camera in found.rig:
         tables.append(lens_table(camera.name, camera.model, figures[camera.name].lens_sigma))
     return [*tables, outlier_table(found.outliers)]
 
 
-def lens_table(name: str, lens: CameraModel, sigma: np.ndarray) -> Section:
+def lens_table(name: str, lens: CameraModel, sigma: np.ndarray) -> PageSection:
     """Table of a lens.
 
     Parameters
@@ -78,16 +78,16 @@ def lens_table(name: str, lens: CameraModel, sigma: np.ndarray) -> Section:
         (label, f"{value:.{2 if i < 4 else 5}f}", f"{s:.{2 if i < 4 else 5}f}")
         for i, (label, value, s) in enumerate(zip(labels, lens_vector(lens), sigma, strict=True))
     ]
-    return Section(f"Lens of {name} ({lens.distortion_model})", table=(("parameter", "value", "±"), *rows))
+    return PageSection(f"Lens of {name} ({lens.distortion_model})", table=(("parameter", "value", "±"), *rows))
 
 
-def outlier_table(outliers: Sequence[tuple[str, BoardView]]) -> Section:
+def outlier_table(outliers: Sequence[tuple[str, BoardView]]) -> PageSection:
     """Views that were left out."""
     rows = [(name, str(view.image), str(len(view.ids))) for name, view in outliers]
-    return Section("Views left out, since they fit much worse than the others", table=(("camera", "image", "corners"), *rows))
+    return PageSection("Views left out, since they fit much worse than the others", table=(("camera", "image", "corners"), *rows))
 
 
-def format_table(table: Section) -> str:
+def format_table(table: PageSection) -> str:
     """As text for a terminal, columns aligned."""
     widths = [max(map(len, column)) for column in zip(*table.table, strict=True)]
     lines = []
@@ -123,7 +123,7 @@ def coverage_picture(seen: CameraViews, pixels: np.ndarray, residuals_px: np.nda
     return picture
 
 
-def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, CameraViews]) -> list[Section]:
+def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, CameraViews]) -> list[PageSection]:
     """Coverage of single cameras.
 
     Parameters
@@ -141,7 +141,7 @@ def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, Camer
     ]
 
 
-def rig_pictures(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Section]:
+def rig_pictures(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[PageSection]:
     """Coverage of all cameras of a rig.
 
     Parameters
@@ -153,16 +153,16 @@ def rig_pictures(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[Secti
     -------
     One section a camera.
     """
-    return [_picture(name, seen[name], c.pixels, c.residuals_px) for name, c in camera_figures(found).items()]
+    return [_picture(name, seen[name], c.pixels, c.residuals_px) for name, c in camera_metrics(found).items()]
 
 
-def _picture(name: str, seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> Section:
+def _picture(name: str, seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> PageSection:
     share = 100 * covered(pixels, seen.image_size)
     caption = f"{name}: {len(pixels)} corners, {share:.0f} % of the image covered; green fits, red is a pixel off or more"
-    return Section(text=caption, picture=coverage_picture(seen, pixels, residuals_px))
+    return PageSection(text=caption, picture=coverage_picture(seen, pixels, residuals_px))
 
 
-def write_pictures(folder: Path, names: Sequence[str], pictures: Sequence[Section]) -> list[Path]:
+def write_pictures(folder: Path, names: Sequence[str], pictures: Sequence[PageSection]) -> list[Path]:
     """Write ``coverage_<camera>.png`` files.
 
     Parameters
@@ -200,12 +200,12 @@ def write_rig_page(path: str | Path, found: BoardRig, seen: Mapping[str, CameraV
         " say, beside the first camera; 'jitter' what single images differ by. A pair's error is that of corners triangulated by"
         " these two.",
     ] + [f"{name}: {problem}" for name, camera in seen.items() for problem in camera.problems]
-    sections = [*(Section(text=note) for note in notes), *rig_tables(found, seen), *rig_pictures(found, seen)]
+    sections = [*(PageSection(text=note) for note in notes), *rig_tables(found, seen), *rig_pictures(found, seen)]
     write_page(path, "Rig from a board", sections)
 
 
 @dataclass(frozen=True, eq=False)
-class CameraFigures:
+class CameraMetrics:
     """One camera of a rig.
 
     Attributes
@@ -246,7 +246,7 @@ def rms(residuals_px: np.ndarray) -> float:
     return float(np.sqrt((np.asarray(residuals_px) ** 2).sum(axis=1).mean()))
 
 
-def camera_figures(found: BoardRig) -> dict[str, CameraFigures]:
+def camera_metrics(found: BoardRig) -> dict[str, CameraMetrics]:
     """Of all cameras. Sigmas take the corners' errors as independent, and are lower bounds therefore."""
     rows, residuals, state = rows_of(found.rig.names, found.instants), found.adjustment.residuals_px, found.state
     result = {}
@@ -255,14 +255,14 @@ def camera_figures(found: BoardRig) -> dict[str, CameraFigures]:
         noise = float(1.4826 * np.median(np.abs(residuals[mine])))
         sigma = noise * found.adjustment.sigmas[i]
         seen = [k for k, instant in enumerate(found.instants) if name in instant.views]
-        result[name] = CameraFigures(
+        result[name] = CameraMetrics(
             rows.pixels[mine], residuals[mine], len(seen), float(np.linalg.norm(sigma[:3])), float(np.linalg.norm(sigma[3:6])),
             float(state.clocks_s[i]), float(sigma[CLOCK]), float(np.sqrt(np.mean(state.jitter_s[seen, i] ** 2))), sigma[N_PLACE:],
         )  # fmt: skip
     return result
 
 
-def pair_figures(found: BoardRig) -> dict[tuple[str, str], tuple[int, float]]:
+def pair_metrics(found: BoardRig) -> dict[tuple[str, str], tuple[int, float]]:
     """(camera, camera) -> image sets with the board in both, and how well the two agree.
 
     That is the rms distance, in the images of both, from corners triangulated by these two alone; as if both images were of the
@@ -345,7 +345,7 @@ def coverage_notes(pixels: Mapping[str, np.ndarray], sizes: Mapping[str, tuple[i
     return notes
 
 
-def rig_figures(found: BoardRig) -> dict[str, float | int]:
+def rig_metrics(found: BoardRig) -> dict[str, float | int]:
     """Flat metrics, ``rig.<camera or pair>.<figure>``."""
     residuals = found.adjustment.residuals_px
     metrics: dict[str, float | int] = {
@@ -353,12 +353,12 @@ def rig_figures(found: BoardRig) -> dict[str, float | int]:
         "rig.median_px": float(np.median(np.linalg.norm(residuals, axis=1))), "rig.outliers": len(found.outliers),
         "rig.converged": int(found.adjustment.converged),
     }  # fmt: skip
-    for name, c in camera_figures(found).items():
+    for name, c in camera_metrics(found).items():
         metrics |= {
             f"rig.{name}.rms_px": c.rms_px, f"rig.{name}.views": c.views, f"rig.{name}.later_ms": 1e3 * c.clock_s,
             f"rig.{name}.jitter_ms": 1e3 * c.jitter_s, f"rig.{name}.place_sigma_mm": 1e3 * c.place_sigma_m,
         }  # fmt: skip
-    for (a, b), (n, error) in pair_figures(found).items():
+    for (a, b), (n, error) in pair_metrics(found).items():
         metrics[f"rig.{a}_{b}.sets"], metrics[f"rig.{a}_{b}.rms_px"] = n, error
     return metrics
 

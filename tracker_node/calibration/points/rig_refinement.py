@@ -23,7 +23,7 @@ MIN_JOINTS = 6  # fewer joints in common say too little about who is who
 
 
 @dataclass(frozen=True)
-class CameraFigures:
+class CameraChange:
     """What the refinement did for one camera.
 
     Parameters
@@ -60,7 +60,7 @@ class Refinement:
     rig: CameraRig
     points: np.ndarray
     valid: np.ndarray
-    cameras: dict[str, CameraFigures]
+    cameras: dict[str, CameraChange]
     shift_m: float
     iterations: int
     converged: bool
@@ -191,14 +191,14 @@ def rigid_alignment(points: np.ndarray, targets: np.ndarray, n_iterations: int =
     return transform
 
 
-def _figures(old, new, confidence, before: Adjustment, after: Adjustment, lags) -> dict[str, CameraFigures]:
+def _figures(old, new, confidence, before: Adjustment, after: Adjustment, lags) -> dict[str, CameraChange]:
     result = {}
     used = (confidence > 0.0) & (before.valid & after.valid)[:, None]
     for i, (a, b) in enumerate(zip(old, new, strict=True)):
         distances = [np.linalg.norm(x.residuals_px[used[:, i], i], axis=-1) for x in (before, after)]
         rms = [float(np.sqrt(np.mean(d**2))) if d.size else 0.0 for d in distances]
         medians = [float(np.median(d)) if d.size else 0.0 for d in distances]
-        result[a.name] = CameraFigures(
+        result[a.name] = CameraChange(
             rms_before_px=rms[0],
             rms_after_px=rms[1],
             median_before_px=medians[0],

@@ -24,7 +24,7 @@ from ...observation.image_set import ImageSet
 from ...tracking.config import TrackerConfig
 from ...tracking.constraints import PX2_PER_INFORMATION, constraints_of
 from .lines import LineEvidence, RegionEvidence
-from .solver import Estimate, Motion, Problem, SharedPrior, Solution, shared_covariance, solve
+from .solver import BodyMotion, Estimate, Problem, SharedPrior, Solution, shared_covariance, solve
 
 Progress = Callable[[str, int, int], None]
 _MEDIAN_OF_CHI2 = 0.455  # of one degree of freedom
@@ -61,7 +61,7 @@ class BodyFitOptions:
 
 
 @dataclass(frozen=True)
-class LineFigures:
+class LineMetrics:
     """Of the lines of one camera or part: their number, rms and median distance, pixels."""
 
     count: int
@@ -70,7 +70,7 @@ class LineFigures:
 
 
 @dataclass(frozen=True)
-class ParameterFigures:
+class FittedParameter:
     """A shape parameter: its fitted value, its standard deviation, that of the prior (all as in `ShapeSpace`)."""
 
     name: str
@@ -83,10 +83,10 @@ class ParameterFigures:
 class BodyFitReport:
     """How a fit came about; ``before`` is the given body in poses of its own, fitted to the same images."""
 
-    parameters: tuple[ParameterFigures, ...]
-    cameras: Mapping[str, tuple[LineFigures, LineFigures]]
-    parts: Mapping[str, tuple[LineFigures, LineFigures]]
-    overall: tuple[LineFigures, LineFigures]
+    parameters: tuple[FittedParameter, ...]
+    cameras: Mapping[str, tuple[LineMetrics, LineMetrics]]
+    parts: Mapping[str, tuple[LineMetrics, LineMetrics]]
+    overall: tuple[LineMetrics, LineMetrics]
     n_sets: int
     iterations: int
     states_before: tuple[State, ...] = field(default=(), repr=False)
@@ -244,7 +244,7 @@ class JointFit:
 
 def motions_of(
     rig: CameraRig, image_sets: Sequence[ImageSet], n_dof: int, velocities: Sequence[np.ndarray] | None
-) -> list[Motion]:
+) -> list[BodyMotion]:
     """Velocities with the delays that the images' own stamps state.
 
     Parameters
@@ -263,7 +263,7 @@ def motions_of(
         found = [images.get(camera.name) for camera in rig]
         delays_s = np.array([0.0 if image is None else 1e-9 * (image.stamp_ns - images.stamp_ns) for image in found])
         velocity = np.zeros(n_dof) if velocities is None else np.asarray(velocities[k], dtype=np.float64)
-        result.append(Motion(velocity, delays_s if velocity.any() else np.zeros(len(rig))))
+        result.append(BodyMotion(velocity, delays_s if velocity.any() else np.zeros(len(rig))))
     return result
 
 
@@ -295,19 +295,19 @@ def _report(
     space, rig = problem.space, problem.rig
     figures = [residuals_of(problem, s.found, lines) for s, lines in ((before, lines_before), (after, lines_after))]
     parameters = tuple(
-        ParameterFigures(p.name, float(value), float(sigma), float(prior))
+        FittedParameter(p.name, float(value), float(sigma), float(prior))
         for p, value, sigma, prior in zip(space.parameters, after.found.s, sigmas, space.sigmas, strict=True)
     )
 
-    def both(column: int, index: int) -> tuple[LineFigures, LineFigures]:
-        first, second = (line_figures(f[:, 2][f[:, column] == index]) for f in figures)
+    def both(column: int, index: int) -> tuple[LineMetrics, LineMetrics]:
+        first, second = (line_metrics(f[:, 2][f[:, column] == index]) for f in figures)
         return first, second
 
     return BodyFitReport(
         parameters,
         {camera.name: both(0, i) for i, camera in enumerate(rig)},
         {shape.name: both(1, i) for i, shape in enumerate(space.model.shapes)},
-        (line_figures(figures[0][:, 2]), line_figures(figures[1][:, 2])),
+        (line_metrics(figures[0][:, 2]), line_metrics(figures[1][:, 2])),
         len(after.found.states),
         iterations,
         before.found.states,
@@ -354,8 +354,8 @@ def misfit_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines
     return float(np.median(np.concatenate(ratios))) / _MEDIAN_OF_CHI2
 
 
-def line_figures(residuals: np.ndarray) -> LineFigures:
+def line_metrics(residuals: np.ndarray) -> LineMetrics:
     """Of residuals (n,), pixels."""
     if not len(residuals):
-        return LineFigures(0, 0.0, 0.0)
-    return LineFigures(len(residuals), float(np.sqrt(np.mean(residuals**2))), float(np.median(np.abs(residuals))))
+        return LineMetrics(0, 0.0, 0.0)
+    return LineMetrics(len(residuals), float(np.sqrt(np.mean(residuals**2))), float(np.median(np.abs(residuals))))

@@ -15,8 +15,8 @@ from ...model.shape_parameters import half_extents
 from ...observation.image_set import ImageSet
 from ...render.overlay import draw_overlay
 from ...render.raycast.extent import body_extent
-from ...report.page import Section, write_page
-from .body_fit import BodyFit, BodyFitReport, LineFigures
+from ...report.page import PageSection, write_page
+from .body_fit import BodyFit, BodyFitReport, LineMetrics
 from .rig_fit import RigFit
 
 _PICTURE_HEIGHT = 420  # pixels
@@ -27,7 +27,7 @@ def before_and_after(
     before: tuple[ArticulatedModel, CameraRig, Sequence[State]],
     after: tuple[ArticulatedModel, CameraRig, Sequence[State]],
     instants: int = 2,
-) -> list[Section]:
+) -> list[PageSection]:
     """Both bodies over the images of some sets, before to the left, cut out around them.
 
     Parameters
@@ -53,7 +53,7 @@ def before_and_after(
                 bounds.append(body_extent(configuration, camera, (0, 0, camera.model.width, camera.model.height)))
             pair = np.hstack([_cut(side, bounds) for side in sides])
             caption = f"{camera.name}, image set {k + 1} of {len(image_sets)}: before and after"
-            pictures.append(Section(text=caption, picture=pair))
+            pictures.append(PageSection(text=caption, picture=pair))
     return pictures
 
 
@@ -68,7 +68,7 @@ def _cut(image: np.ndarray, bounds: Sequence[tuple[int, int, int, int] | None], 
     return cv2.resize(image, (max(1, round(scale * image.shape[1])), _PICTURE_HEIGHT), interpolation=cv2.INTER_AREA)
 
 
-def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineFigures, LineFigures]]) -> Section:
+def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineMetrics, LineMetrics]]) -> PageSection:
     """Table of distances of contour lines.
 
     Parameters
@@ -86,20 +86,20 @@ def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineFigures,
         for key, (a, b) in figures.items()
     ]
     header = (name, "lines", "rms before, px", "after", "median before, px", "after")
-    return Section(caption, table=(header, *rows))
+    return PageSection(caption, table=(header, *rows))
 
 
-def parameter_table(report: BodyFitReport) -> Section:
+def parameter_table(report: BodyFitReport) -> PageSection:
     """Shape parameters in percent, most of them logarithms of scales."""
     rows = []
     for p in report.parameters:
         relative = f"{p.value / p.prior_sigma:+.1f}" if p.prior_sigma else "held"
         rows.append((p.name, f"{100 * p.value:+.1f}", f"{100 * p.sigma:.1f}", f"{100 * p.prior_sigma:.0f}", relative))
     header = ("parameter", "value, %", "sigma, %", "prior sigma, %", "value in prior sigmas")
-    return Section("Shape parameters", table=(header, *rows))
+    return PageSection("Shape parameters", table=(header, *rows))
 
 
-def measure_table(before: ArticulatedModel, fit: BodyFit) -> Section:
+def measure_table(before: ArticulatedModel, fit: BodyFit) -> PageSection:
     """Table of the sizes of all parts and the distances of joints, millimeters.
 
     Parameters
@@ -118,10 +118,10 @@ def measure_table(before: ArticulatedModel, fit: BodyFit) -> Section:
     for joint, fitted_joint in zip(before.chain.joints, fit.model.chain.joints, strict=True):
         lengths = [1e3 * float(np.linalg.norm(j.T_parent_joint[:3, 3])) for j in (joint, fitted_joint)]
         rows.append((f"{joint.parent} to joint {joint.name}", *(f"{length:.0f}" for length in lengths)))
-    return Section("Sizes of shapes and distances of joints, mm", table=(("part", "before", "after"), *rows))
+    return PageSection("Sizes of shapes and distances of joints, mm", table=(("part", "before", "after"), *rows))
 
 
-def camera_table(fit: RigFit) -> Section:
+def camera_table(fit: RigFit) -> PageSection:
     """What has been found about each camera."""
     rows = []
     for name, c in fit.cameras.items():
@@ -135,7 +135,7 @@ def camera_table(fit: RigFit) -> Section:
             )
         )
     header = ("camera", "moved, mm", "turned, deg", "later, ms", "focal length, %")
-    return Section("Cameras", table=(header, *rows))
+    return PageSection("Cameras", table=(header, *rows))
 
 
 def write_body_report(
@@ -152,7 +152,7 @@ def write_body_report(
     """
     report = fit.report
     first, last = report.overall
-    note = Section(
+    note = PageSection(
         text=f"{report.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the body as given and its"
         f" poses fitted, {last.rms_px:.2f} px with the fitted body. Sigmas hold if the errors of the lines are independent beyond"
         " a few neighbors; what the shapes cannot represent is the same in every image, so take them as lower bounds."
@@ -178,7 +178,7 @@ def write_rig_report(
     fit : the result.
     """
     first, last = fit.overall
-    note = Section(
+    note = PageSection(
         text=f"{fit.n_sets} image sets, {last.count} contour lines: rms {first.rms_px:.2f} px with the rig as given (poses"
         f" fitted), {last.rms_px:.2f} px with the fitted rig. The world and the common time are those in which most cameras stay"
         " what they were. 'Later' is by how much a camera's images are later than their stamps say; it is in time_offset_s of the"
@@ -190,7 +190,7 @@ def write_rig_report(
     write_page(path, "Rig from the images of a body", [note, *tables, *pictures])
 
 
-def body_figures(fit: BodyFit) -> dict[str, float | int]:
+def body_metrics(fit: BodyFit) -> dict[str, float | int]:
     """Flat metrics, ``body.<camera or parameter>.<figure>``."""
     report = fit.report
     figures: dict[str, float | int] = {
@@ -206,7 +206,7 @@ def body_figures(fit: BodyFit) -> dict[str, float | int]:
     return figures
 
 
-def rig_figures(fit: RigFit) -> dict[str, float | int]:
+def rig_metrics(fit: RigFit) -> dict[str, float | int]:
     """Flat metrics, ``refine.<camera>.<figure>``."""
     figures: dict[str, float | int] = {
         "refine.sets": fit.n_sets, "refine.iterations": fit.iterations,

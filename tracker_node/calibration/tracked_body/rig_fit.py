@@ -25,9 +25,9 @@ from ...tracking.constraints import constraints_of
 from .body_fit import (
     BodyFitOptions,
     JointFit,
-    LineFigures,
+    LineMetrics,
     Progress,
-    line_figures,
+    line_metrics,
     misfit_of,
     motions_of,
     pose_priors,
@@ -86,8 +86,8 @@ class CameraFit:
     moved_sigma_m, turned_sigma_rad, later_sigma_s, focal_sigma : standard deviations of these.
     """
 
-    before: LineFigures
-    after: LineFigures
+    before: LineMetrics
+    after: LineMetrics
     moved_m: float
     turned_rad: float
     later_s: float
@@ -107,7 +107,7 @@ class RigFit:
     states: tuple[State, ...]
     states_before: tuple[State, ...]
     cameras: Mapping[str, CameraFit]
-    overall: tuple[LineFigures, LineFigures]
+    overall: tuple[LineMetrics, LineMetrics]
     n_sets: int
     iterations: int
 
@@ -175,7 +175,7 @@ def fit_rig(
     sigmas[:, TIME] = time_sigmas_s
     fitted, moved = settled(rig, problem, after)
     cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], figures) for i, c in enumerate(rig)}
-    overall = line_figures(figures[0][:, 2]), line_figures(figures[1][:, 2])
+    overall = line_metrics(figures[0][:, 2]), line_metrics(figures[1][:, 2])
     return RigFit(fitted, space.body(after.s), moved, before.states, cameras, overall, len(states), loop.iterations)
 
 
@@ -290,7 +290,7 @@ def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, meter_rad: float 
 
 
 def _camera_fit(index: int, given, fitted, departure: np.ndarray, sigmas: np.ndarray, figures) -> CameraFit:
-    before, after = (line_figures(f[:, 2][f[:, 0] == index]) for f in figures)
+    before, after = (line_metrics(f[:, 2][f[:, 0] == index]) for f in figures)
     return CameraFit(
         before,
         after,

@@ -50,7 +50,7 @@ class SharedPrior:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class BodyMotion:
     """How the body moves while an image set is taken: ``velocity`` (n_dof,) tangent a second; ``delays_s`` (n_cameras,), by how
     much each camera exposed after the set's stamp, as its own stamp says."""
 
@@ -73,7 +73,7 @@ class Problem:
 
     space: ShapeSpace
     rig: CameraRig
-    motions: Sequence[Motion]
+    motions: Sequence[BodyMotion]
     pose_priors: Sequence[Sequence[Prior]]
     shared: SharedPrior
     correlation: float = 1.0

@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 def _fit_to_images(args: argparse.Namespace) -> int:
     """From the images of a run, with its poses."""
     from ...calibration.tracked_body.body_fit import BodyFitOptions, fit_body
-    from ...calibration.tracked_body.report import body_figures, write_body_report
+    from ...calibration.tracked_body.report import body_metrics, write_body_report
     from ...loaders.model.model_yaml import dump_model
     from ...report.metrics_file import write_metrics
     from ...report.progress import StageProgress
@@ -111,7 +111,7 @@ def _fit_to_images(args: argparse.Namespace) -> int:
     comment = f"{fit.model.name}, fitted to {len(run.sets)} image sets of {args.from_run}. Units: meters, degrees."
     dump_model(fit.model, args.output, f"{comment} Format: docs/formats.md.")
     write_body_report(page, run.model, run.rig, run.sets, fit)
-    write_metrics(page.with_suffix(".json"), body_figures(fit))
+    write_metrics(page.with_suffix(".json"), body_metrics(fit))
     _print_parameters(fit.report)
     print(f"wrote {args.output}, {page} and {page.with_suffix('.json')}")
     return 0

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from ...camera.rig import Camera, CameraRig
     from ...errors import FileFormatError
     from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file
-    from ...report.page import Section, write_page
+    from ...report.page import PageSection, write_page
     from ...report.progress import StageProgress
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
@@ -57,14 +57,14 @@ def run(args: argparse.Namespace) -> int:
         K, sigma = lens.lens.K, lens.sigma
         rows.append((name, str(len(lens.views)), str(len(lens.outliers)), f"{lens.rms_px:.2f}", f"{100 * share:.0f}",
                      f"{K[0, 0]:.1f} ± {sigma[0]:.1f}", f"{K[0, 2]:.1f} {K[1, 2]:.1f} ± {max(sigma[2:4]):.1f}"))  # fmt: skip
-    table = Section("Cameras", table=[("camera", "views", "left out", "rms px", "covered %", "focal px", "center px"), *rows])
+    table = PageSection("Cameras", table=[("camera", "views", "left out", "rms px", "covered %", "focal px", "center px"), *rows])
     outliers = outlier_table([(name, view) for name, lens in found.items() for view in lens.outliers])
     pictures = lens_pictures(found, seen)
     rig = CameraRig(tuple(Camera(name, lens.lens, np.eye(4)) for name, lens in found.items()))
     write_rig_file(rig_file_of(rig), args.output)
     tables = [table, *(lens_table(name, lens.lens, lens.sigma) for name, lens in found.items()), outliers]
     text = f"{board}. Sigmas take the corners' errors as independent: lower bounds."
-    write_page(page, "Lenses from a board", [Section(text=text), *tables, *pictures])
+    write_page(page, "Lenses from a board", [PageSection(text=text), *tables, *pictures])
     files = write_pictures(page.parent, list(found), pictures)
     print(format_table(table))
     for row in outliers.table[1:]:

@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 def _from_run(args: argparse.Namespace) -> int:
     """Places and clocks from the images in which a run has tracked a body."""
     from ...calibration.tracked_body.body_fit import BodyFitOptions
-    from ...calibration.tracked_body.report import rig_figures, write_rig_report
+    from ...calibration.tracked_body.report import rig_metrics, write_rig_report
     from ...calibration.tracked_body.rig_drift import drift_metrics, fit_clocks, stretches, with_drift
     from ...calibration.tracked_body.rig_fit import RigFitOptions, fit_rig, with_fit
     from ...loaders.rig.rig_yaml import read_rig_file, write_rig_file
@@ -93,7 +93,7 @@ def _from_run(args: argparse.Namespace) -> int:
     rig_file = with_drift(with_fit(read_rig_file(rig_path), fit), fit, clocks, images.begins_s)
     write_rig_file(rig_file, args.output, base_dir=Path(rig_path).parent)
     write_rig_report(page, images.model, images.rig, images.sets, fit)
-    write_metrics(report, rig_figures(fit) | drift_metrics(clocks))
+    write_metrics(report, rig_metrics(fit) | drift_metrics(clocks))
     _print_cameras(fit)
     for name, clock in clocks.items():
         print(f"{name:12} drift {1e6 * clock.drift:8.1f} +- {1e6 * clock.drift_sigma:6.1f} ppm")

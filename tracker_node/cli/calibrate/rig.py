@@ -36,10 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ...calibration.board.report import (
-        camera_figures,
+        camera_metrics,
         coverage_notes,
         format_table,
-        rig_figures,
+        rig_metrics,
         rig_pictures,
         rig_tables,
         worst_views,
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
     write_rig_file(rig_file_of(_with_sources(args, found, tracked_later)), args.output, base_dir=".")
     write_rig_page(page, found, seen)
-    write_metrics(figures, rig_figures(found))
+    write_metrics(figures, rig_metrics(found))
     files = write_pictures(page.parent, found.rig.names, rig_pictures(found, seen))
     cameras, pairs, *_, outliers = rig_tables(found, seen)
     for table in (cameras, pairs):
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     for row in outliers.table[1:]:
         print(f"left out: image {row[1]} of {row[0]}")
     if not args.keep_lenses:
-        pixels = {name: figure.pixels for name, figure in camera_figures(found).items()}
+        pixels = {name: figure.pixels for name, figure in camera_metrics(found).items()}
         for note in coverage_notes(pixels, {name: camera.image_size for name, camera in seen.items()}):
             print(f"note: {note}")
     if not found.adjustment.converged:
@@ -116,9 +116,9 @@ def _lenses(args: argparse.Namespace, sources):
 
 
 def _with_sources(args: argparse.Namespace, found, sources: dict[str, str | None]):
-    from ...calibration.board.report import camera_figures
+    from ...calibration.board.report import camera_metrics
 
-    figures, cameras = camera_figures(found), []
+    figures, cameras = camera_metrics(found), []
     for camera in found.rig:
         late = figures[camera.name]
         offset_ns = round(1e9 * late.clock_s) if args.write_clocks and late.clock_is_off else 0

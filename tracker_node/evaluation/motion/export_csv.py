@@ -26,7 +26,7 @@ TABLES = (  # every name that a table can have
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class MotionTable:
     """Columns (n, k) of one file, with their validity (n, k); their names end in their units."""
 
     name: str
@@ -35,7 +35,7 @@ class Table:
     valid: np.ndarray
 
 
-def write_tables(motion: RunMotion, folder: Path, tables: list[Table]) -> None:
+def write_tables(motion: RunMotion, folder: Path, tables: list[MotionTable]) -> None:
     """Write ``<name>.csv`` of each table: ``stamp_ns``, ``time_s`` since the first row, and the columns.
 
     Those of `TABLES` that are not among them are deleted: they would be of another export, maybe in other axes and units.
@@ -59,14 +59,14 @@ def write_tables(motion: RunMotion, folder: Path, tables: list[Table]) -> None:
         (folder / f"{name}.csv").unlink(missing_ok=True)
 
 
-def _write_table(motion: RunMotion, table: Table, path: Path) -> None:
+def _write_table(motion: RunMotion, table: MotionTable, path: Path) -> None:
     with CsvWriter(path, ("stamp_ns", "time_s", *table.columns)) as writer:
         for stamp, time_s, values, good in zip(motion.stamps_ns, motion.times_s, table.values, table.valid, strict=True):
             cells = [exact(value) if ok else "" for value, ok in zip(values, good, strict=True)]
             writer.write_rows([[int(stamp), exact(time_s), *cells]])
 
 
-def tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None = None) -> list[Table]:
+def tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None = None) -> list[MotionTable]:
     """Landmarks, coordinates, and on request angles after the ISB, with their derivatives.
 
     Velocities of the state are those of its tangent: angular velocity of the root about the file's axes.
@@ -84,7 +84,7 @@ def tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematic
     return list(_tables(motion, options, kinematics))
 
 
-def _tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None) -> Iterator[Table]:
+def _tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None) -> Iterator[MotionTable]:
     length, angle = 1.0 / METERS_PER_UNIT[options.unit], 180.0 / np.pi if options.degrees else 1.0
     points = (length * motion.landmarks_m()[:, options.columns(motion.model)] @ options.axes.T).reshape(len(motion), -1)
     names = [f"{label}_{axis}" for label in options.labels(motion.model) for axis in "xyz"]
@@ -94,7 +94,7 @@ def _tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinemati
     scale = {"m": (options.unit, length), "rad": (options.angle_unit, angle)}
     columns = tuple(f"{name}_{scale[unit][0]}" for name, unit in zip(found.names, found.units, strict=True))
     whole = np.repeat(motion.valid[:, None], len(columns), axis=1)
-    yield Table("coordinates", columns, found.values * [scale[unit][1] for unit in found.units], whole)
+    yield MotionTable("coordinates", columns, found.values * [scale[unit][1] for unit in found.units], whole)
     if kinematics is not None:
         yield from _state_derivatives(motion, options, kinematics, scale)
     if options.isb_angles:
@@ -107,7 +107,7 @@ def _tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinemati
 
 def _state_derivatives(
     motion: RunMotion, options: ExportOptions, kinematics: StateKinematics, scale: dict[str, tuple[str, float]]
-) -> Iterator[Table]:
+) -> Iterator[MotionTable]:
     chain = motion.model.chain
     units = [scale[unit] for unit in chain.dof_units]
     for name, values, per in (("velocities", kinematics.velocity, "s"), ("accelerations", kinematics.acceleration, "s2")):
@@ -115,7 +115,7 @@ def _state_derivatives(
         turned[:, :3], turned[:, 3:6] = values[:, :3] @ options.axes.T, values[:, 3:6] @ options.axes.T
         columns = tuple(f"{dof}_{unit}_per_{per}" for dof, (unit, _) in zip(chain.dof_names, units, strict=True))
         valid = np.repeat(motion.valid[:, None], len(columns), axis=1)
-        yield Table(f"state_{name}", columns, turned * [factor for _, factor in units], valid)
+        yield MotionTable(f"state_{name}", columns, turned * [factor for _, factor in units], valid)
 
 
 def _with_derivatives(
@@ -127,12 +127,12 @@ def _with_derivatives(
     values: np.ndarray,
     valid: np.ndarray,
     kinematics: StateKinematics | None,
-) -> Iterator[Table]:
+) -> Iterator[MotionTable]:
     pairs = list(zip(names, units, strict=True))
-    yield Table(name, tuple(f"{column}_{unit}" for column, unit in pairs), values, valid)
+    yield MotionTable(name, tuple(f"{column}_{unit}" for column, unit in pairs), values, valid)
     if kinematics is None:
         return
     first, second, good = derivatives(values, motion.valid, motion.rate_hz)
     good = valid & good[:, None]
-    yield Table(f"{one}_velocities", tuple(f"{column}_{unit}_per_s" for column, unit in pairs), first, good)
-    yield Table(f"{one}_accelerations", tuple(f"{column}_{unit}_per_s2" for column, unit in pairs), second, good)
+    yield MotionTable(f"{one}_velocities", tuple(f"{column}_{unit}_per_s" for column, unit in pairs), first, good)
+    yield MotionTable(f"{one}_accelerations", tuple(f"{column}_{unit}_per_s2" for column, unit in pairs), second, good)

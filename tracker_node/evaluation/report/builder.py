@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ...report.document import Block, Document, Section
+from ...report.document import Block, Document, DocumentSection
 from ...report.figure_files import write_figure_files
 from ...report.html import render_html
 from ...report.metrics_file import command_line, cpu, versions, write_metrics
@@ -84,7 +84,9 @@ def _document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Do
     names = ", ".join(review.name for review in reviews)
     title = f"Comparison of {names}" if len(reviews) > 1 else f"Evaluation of {names}"
     sections = [
-        Section(key, heading, kept) for key, heading, blocks in _sections(reviews, targets) if (kept := [b for b in blocks if b])
+        DocumentSection(key, heading, kept)
+        for key, heading, blocks in _sections(reviews, targets)
+        if (kept := [b for b in blocks if b])
     ]
     problems = [f"{review.name}: {said}" if len(reviews) > 1 else said for review in reviews for said in review.problems]
     made = {"command": command_line(), "versions": ", ".join(f"{key} {value}" for key, value in versions().items())}

@@ -20,7 +20,7 @@ from ...model.shapes.primitives import TruncatedCone
 from ...observation.chamfer.distance_transform import distance_to
 from ...observation.image_set import CameraImage, ImageSet
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import Section, write_page
+from ...report.page import PageSection, write_page
 from ...report.progress import say
 from ...synthesis.dataset import N_BACKGROUNDS
 from ...synthesis.recording import default_motions
@@ -84,7 +84,7 @@ def run_contours(folder: Path, clips: Mapping[str, Clip], quick: bool) -> None:
     print(text)
     (folder / "table.txt").write_text(text + "\n")
     write_metrics(folder / "metrics.json", metrics)
-    sections += [_errors(folder, runs), *(Section(title, table=table) for title, table in tables.items()), *pictures]
+    sections += [_errors(folder, runs), *(PageSection(title, table=table) for title, table in tables.items()), *pictures]
     write_page(folder / "report.html", "Silhouettes, edges, and contours that slide", sections)
     say(f"wrote {folder}/report.html, table.txt, metrics.json and the pictures")
 
@@ -135,7 +135,7 @@ def make_clips(
     return clips
 
 
-def _part(folder: Path, metrics: dict[str, float | int]) -> Section:
+def _part(folder: Path, metrics: dict[str, float | int]) -> PageSection:
     """Fig. 3: one part along a row."""
     say("one part, moved along a row of its image")
     picture = _part_row()
@@ -144,10 +144,10 @@ def _part(folder: Path, metrics: dict[str, float | int]) -> Section:
             metrics |= valley_figures(f"contours.row.{name}.{key}", "px", [profile])
     save(row_figure(picture), folder / "fig3_row.png")
     text = "Distances along a row (red line) of one part's image, and the rms error of a model of it, moved along that row."
-    return Section("Silhouette, edges, and the sum of both (Fig. 3)", text, picture=folder / "fig3_row.png")
+    return PageSection("Silhouette, edges, and the sum of both (Fig. 3)", text, picture=folder / "fig3_row.png")
 
 
-def _body(folder: Path, clip: Clip, quick: bool, metrics: dict[str, float | int]) -> Section:
+def _body(folder: Path, clip: Clip, quick: bool, metrics: dict[str, float | int]) -> PageSection:
     """The same of a whole body in all cameras."""
     say("a whole body, moved along single variables")
     profiles = body_profiles(clip, 1, QUICK_COARSENESS) if quick else body_profiles(clip, BODY_SETS)
@@ -158,17 +158,17 @@ def _body(folder: Path, clip: Clip, quick: bool, metrics: dict[str, float | int]
         panels[f"{variable.title} [{variable.unit}]"] = {key: mean_profile(of) for key, of in profiles[dof].items()}
     save(variables_figure(panels), folder / "fig3_body.png")
     text = f"Rms error of a body of cones in {len(clip.rig)} cameras as one variable leaves the truth; mean over image sets."
-    return Section("A whole body", text, picture=folder / "fig3_body.png")
+    return PageSection("A whole body", text, picture=folder / "fig3_body.png")
 
 
-def _errors(folder: Path, runs: dict[str, dict[str, TrackedClip]]) -> Section:
+def _errors(folder: Path, runs: dict[str, dict[str, TrackedClip]]) -> PageSection:
     panels = {}
     for clip, tracked in runs.items():
         found = {method: run.evaluation for method, run in tracked.items()}
         times = next(iter(found.values())).times_s
         panels[clip] = (times, {method: each.raw.per_set_mm() for method, each in found.items()})
     save(tracking_figure(panels), folder / "fig3_tracking.png")
-    return Section("Error over time", "Mean distance of joints from the truth.", picture=folder / "fig3_tracking.png")
+    return PageSection("Error over time", "Mean distance of joints from the truth.", picture=folder / "fig3_tracking.png")
 
 
 def part_model(thickness: float = 1.0) -> ArticulatedModel:

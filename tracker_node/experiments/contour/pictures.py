@@ -23,7 +23,7 @@ from ...render.overlay import draw_overlay
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
 from ...report.document import BLACK, BLUE, GRAY, GREEN, ORANGE, RED
-from ...report.page import Section
+from ...report.page import PageSection
 from ...tracking.config import TrackerConfig
 from ..plots import Profile, body_box, plain_axes, save
 from .clips import Clip, TrackedClip
@@ -276,7 +276,7 @@ def tracking_figure(panels: Mapping[str, tuple[np.ndarray, Mapping[str, np.ndarr
     return figure
 
 
-def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[Section]:
+def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSection]:
     """Figs 4 and 5, of the image set in the middle of the clip.
 
     Parameters
@@ -298,12 +298,14 @@ def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[Sectio
     save(_evidence_figure(shots[0]), evidence)
     save(_cameras_figure(shots), cameras)
     return [
-        Section("What is made of an image (Fig. 4)", f"{clip.name}, camera {shots[0].camera.name}.", picture=evidence),
-        Section("Contours in all cameras (Fig. 5)", f"{clip.name}; outline yellow, contours within it orange.", picture=cameras),
+        PageSection("What is made of an image (Fig. 4)", f"{clip.name}, camera {shots[0].camera.name}.", picture=evidence),
+        PageSection(
+            "Contours in all cameras (Fig. 5)", f"{clip.name}; outline yellow, contours within it orange.", picture=cameras
+        ),
     ]
 
 
-def sequence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[Section]:
+def sequence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSection]:
     """Fig. 6, of instants over the whole clip, in its first camera.
 
     Parameters
@@ -324,7 +326,7 @@ def sequence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[Sectio
     path = folder / f"fig6_{clip.name}.png"
     save(sequence_figure(shots, titles), path)
     text = f"{clip.name}, camera {camera.name}, by {TITLES[PICTURED]}: contours of the pose before, what was seen, the pose."
-    return [Section("A sequence (Fig. 6)", text, picture=path)]
+    return [PageSection("A sequence (Fig. 6)", text, picture=path)]
 
 
 def _sequence(clip: Clip, run: TrackedClip, camera: Camera, numbers: Sequence[int]) -> tuple[list[Shot], list[str]]:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import Section, write_page
+from ...report.page import PageSection, write_page
 from ...report.progress import say
 from ..plots import plan_figure, save
 from ..rigid_tracking import pose_error, text_table
@@ -54,7 +54,7 @@ def run_cross(folder: Path, seed: int, quick: bool) -> None:
                 metrics[f"cross.{trial.name}.{method.key}delay_ms"] = 1e3 * max(late_s, key=abs)
         table = _compare(trial, tracked, digitized, metrics)
         text += [f"{trial.name} somersault, {trial.n_fields} fields: rms / maximum of the worst variable", text_table(table), ""]
-        sections.append(Section(f"The {trial.name} somersault", "Rms / maximum of the worst variable.", table))
+        sections.append(PageSection(f"The {trial.name} somersault", "Rms / maximum of the worst variable.", table))
         sections += _pictures(folder, scene, trial, footage[BEST.backend], tracked, digitized)
     text.append(format_metrics(metrics))
     print("\n".join(text))
@@ -105,7 +105,7 @@ def _plan(scene: Any, folder: Path) -> Any:
     """Fig. 3."""
     paths = {f"{t.name} somersault": np.array([s.T_world_root[:3, 3] for s in t.states()]) for t in scene.trials}
     save(plan_figure(scene.rig, paths), folder / "fig3_plan.png")
-    return Section("The cameras from above (Fig. 3)", picture=folder / "fig3_plan.png")
+    return PageSection("The cameras from above (Fig. 3)", picture=folder / "fig3_plan.png")
 
 
 def _pictures(
@@ -129,8 +129,10 @@ def _pictures(
     save(cross_plots.error_figure({m.title: tracked[m].errors(truth) for m in (BEST, AS_PUBLISHED)}), errors)
     text = "Against truth; stepping as published, with cameras from DLT that are taken for simultaneous."
     return [
-        Section("As filmed", "Left: an interlaced image. Right: one of its fields, missing lines interpolated.", picture=video),
-        Section(f"Target through the mask (Fig. {mask_number})", picture=masks),
-        Section(f"Pose (Fig. {pose_number})", picture=poses),
-        Section("Errors", text, picture=errors),
+        PageSection(
+            "As filmed", "Left: an interlaced image. Right: one of its fields, missing lines interpolated.", picture=video
+        ),
+        PageSection(f"Target through the mask (Fig. {mask_number})", picture=masks),
+        PageSection(f"Pose (Fig. {pose_number})", picture=poses),
+        PageSection("Errors", text, picture=errors),
     ]

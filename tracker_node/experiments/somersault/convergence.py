@@ -16,7 +16,7 @@ from ...optimize.simplex import search_simplex
 from ...optimize.stepping import step_downhill
 from ...parallel import Workers
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import Section, write_page
+from ...report.page import PageSection, write_page
 from ...report.progress import say
 from ..plots import Profile, convergence_figure, save, success_figure
 from ..rigid_tracking import LABELS, UNITS, VARIABLES, basin, profile, success_rate
@@ -121,11 +121,11 @@ def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metric
         }
         path = folder / f"fig{number}.png"
         save(convergence_figure(panels, unit), path)
-        sections.append(Section(f"Fig. {number}", "The score as one variable leaves the truth.", picture=path))
+        sections.append(PageSection(f"Fig. {number}", "The score as one variable leaves the truth.", picture=path))
     for key, of in rates.items():
         path = folder / f"success_{key}.png"
         save(success_figure([f"{mm:.0f} mm\n{deg:.0f}°" for mm, deg in starts], of), path)
         title = f"From how far each optimizer arrives within {NEAR_MM[key]:.0f} mm, {TITLES[key]}"
-        sections.append(Section(title, picture=path))
-    sections.append(Section("Figures", preformatted=format_metrics(metrics)))
+        sections.append(PageSection(title, picture=path))
+    sections.append(PageSection("Figures", preformatted=format_metrics(metrics)))
     write_page(folder / "report.html", "How wide the score's valley is", sections)

@@ -17,7 +17,7 @@ from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...optimize.stepping import FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
 from ...parallel import Workers
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import Section, write_page
+from ...report.page import PageSection, write_page
 from ...report.progress import say
 from .. import rigid_tracking as experiments
 from ..plots import save, sequence_figure
@@ -183,7 +183,7 @@ def _write_pictures(folder: Path, scene: Any, targets: Any, states: Any, tables:
         rows[f"tracked, {name} view"] = [image_set[camera] for image_set in tracked]
     save(sequence_figure(rows), folder / "fig4.png")
     write_page(folder / "report.html", "Half-twisting somersault, tracked by color", [
-        Section("What it is", remarks),
-        *(Section(title, "Maximum and rms over all image sets.", table) for title, table in tables.items()),
-        Section("Fig. 4", "What was filmed, and the ellipsoid body where stepping found it.", picture=folder / "fig4.png"),
+        PageSection("What it is", remarks),
+        *(PageSection(title, "Maximum and rms over all image sets.", table) for title, table in tables.items()),
+        PageSection("Fig. 4", "What was filmed, and the ellipsoid body where stepping found it.", picture=folder / "fig4.png"),
     ])  # fmt: skip

@@ -39,7 +39,7 @@ class FeedImage:
 
 
 @dataclass(frozen=True)
-class Instant:
+class FeedSet:
     """Images that belong together; ``stamp_ns`` is that of the earliest."""
 
     stamp_ns: int
@@ -59,7 +59,7 @@ class SourceReport:
 
 
 class ImageFeed:
-    """Iterates the `Instant`s of several sources in order of time.
+    """Iterates the `FeedSet`s of several sources in order of time.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class ImageFeed:
         """Whether the time step after the current one is decoded already."""
         return all(report.ended or not self._queues[camera].empty() for camera, report in self.reports.items())
 
-    def __iter__(self) -> Iterator[Instant]:
+    def __iter__(self) -> Iterator[FeedSet]:
         heads = {camera: self._next(camera) for camera in self._sources}
         while True:
             waiting = {camera: image for camera, image in heads.items() if image is not None}
@@ -113,7 +113,7 @@ class ImageFeed:
                 return
             first_ns = min(image.stamp_ns for image in waiting.values())
             group = [camera for camera, image in waiting.items() if image.stamp_ns <= first_ns + self._tolerance_ns]
-            yield Instant(first_ns, tuple(waiting[camera] for camera in group))
+            yield FeedSet(first_ns, tuple(waiting[camera] for camera in group))
             for camera in group:
                 heads[camera] = self._next(camera)
 

@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType
 
 from ...errors import SourceError
 from ...loaders.decoding import SourceImage
-from ...loaders.images.feed import ImageFeed, Instant, SourceReport
+from ...loaders.images.feed import FeedSet, ImageFeed, SourceReport
 from ...loaders.images.live_capture import LiveSource, open_capture
 from ...loaders.images.recorded_source import SourceOptions
 from ...loaders.source_address import TOPIC
@@ -210,7 +210,7 @@ class CameraIngestNode(GuardedNode):
                 self._publish(instant, shift_ns, late=lateness_s > 0.5 * feed.period_s)
         return self._window is not None and self._window.wait_for_all()
 
-    def _publish(self, instant: Instant, shift_ns: int = 0, late: bool = False) -> None:
+    def _publish(self, instant: FeedSet, shift_ns: int = 0, late: bool = False) -> None:
         for fed in instant.images:
             outlet, source, image = self._outlets[fed.camera], self._opened.recorded[fed.camera], fed.image
             stamp_ns = image.stamp_ns + shift_ns

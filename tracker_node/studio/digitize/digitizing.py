@@ -22,14 +22,16 @@ JOINTS_FILE, TRC_FILE = "joints.csv", "joints.trc"
 
 
 @dataclass(frozen=True)
-class Method:
+class ReconstructionOptions:
     """How points are reconstructed: see `calibration.points.reconstruction`."""
 
     name: str = "lens"
     sigma_px: float = 1.0
 
 
-def reconstruct(rig: CameraRig, clicked: Clicked, method: Method) -> dict[str, tuple[tuple[str, ...], ReconstructedPoint]]:
+def reconstruct(
+    rig: CameraRig, clicked: Clicked, method: ReconstructionOptions
+) -> dict[str, tuple[tuple[str, ...], ReconstructedPoint]]:
     """Places of all points that two cameras or more show.
 
     Parameters
@@ -72,7 +74,7 @@ class Repeatability:
     freedom_3d: int
 
 
-def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...], method: Method) -> Repeatability:
+def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...], method: ReconstructionOptions) -> Repeatability:
     """How well whoever has clicked would do so again.
 
     Parameters
@@ -152,7 +154,7 @@ def _object_errors(cameras: list, seen: Mapping[str, ControlPoints]) -> np.ndarr
     return object_errors_m(cameras, np.array(list(places.values())), pixels, weights)
 
 
-def _trajectories(rig: CameraRig, store: ClickStore, method: Method) -> JointTrajectory:
+def _trajectories(rig: CameraRig, store: ClickStore, method: ReconstructionOptions) -> JointTrajectory:
     """Every point in every image set, from the mean of the passes; not valid where fewer than two cameras show it."""
     stamps = store.stamps_ns()
     found = [reconstruct(rig, store.mean_clicks(stamp_ns), method) for stamp_ns in stamps]
@@ -164,7 +166,7 @@ def _trajectories(rig: CameraRig, store: ClickStore, method: Method) -> JointTra
     return JointTrajectory(names, np.array(stamps, dtype=np.int64), positions, valid)
 
 
-def save_trajectories(rig: CameraRig, store: ClickStore, method: Method) -> list[Path]:
+def save_trajectories(rig: CameraRig, store: ClickStore, method: ReconstructionOptions) -> list[Path]:
     """Write ``joints.csv`` and ``joints.trc`` (y up) into the folder of the clicks.
 
     A TRC file has one rate, that of the digitized image sets; those that were left out among them are rows without places.

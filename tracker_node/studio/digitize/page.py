@@ -52,18 +52,18 @@ class AskedName(FileModel):
 
 def routes(session: StudioSession) -> Sequence[BaseRoute]:
     """Below ``/api/digitizing/``."""
-    desk = Desk(session)
+    page = DigitizePage(session)
     return [
-        get("/api/digitizing", desk.facts),
-        post("/api/digitizing/sheet", Asked, desk.sheet),
-        post("/api/digitizing/click", AskedClick, desk.click),
-        post("/api/digitizing/point", AskedName, desk.add_point),
-        post("/api/digitizing/repeatability", Asked, desk.repeatability),
-        post("/api/digitizing/save", Asked, desk.save),
+        get("/api/digitizing", page.facts),
+        post("/api/digitizing/sheet", Asked, page.sheet),
+        post("/api/digitizing/click", AskedClick, page.click),
+        post("/api/digitizing/point", AskedName, page.add_point),
+        post("/api/digitizing/repeatability", Asked, page.repeatability),
+        post("/api/digitizing/save", Asked, page.save),
     ]
 
 
-class Desk:
+class DigitizePage:
     """Answers of the page; from any thread, one at a time."""
 
     def __init__(self, session: StudioSession):
@@ -213,8 +213,8 @@ class Desk:
         ]
 
 
-def _method(asked: Asked) -> digitizing.Method:
-    return digitizing.Method(asked.method, asked.sigma_px)
+def _method(asked: Asked) -> digitizing.ReconstructionOptions:
+    return digitizing.ReconstructionOptions(asked.method, asked.sigma_px)
 
 
 def _listed(clicked: Clicked) -> dict[str, dict[str, list[float]]]:

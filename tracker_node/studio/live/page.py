@@ -50,16 +50,16 @@ class Errand(FileModel):
 
 def routes(session: StudioSession) -> Sequence[BaseRoute]:
     """Below ``/api/live/``."""
-    desk = Desk(session)
+    page = LivePage(session)
 
     return [
-        get("/api/live", desk.facts),
-        post("/api/live/service", Errand, desk.ask),
-        WebSocketRoute("/api/live/stream", desk.stream),
+        get("/api/live", page.facts),
+        post("/api/live/service", Errand, page.ask),
+        WebSocketRoute("/api/live/stream", page.stream),
     ]
 
 
-class Desk:
+class LivePage:
     """Answers of the page; the graph is joined when the first page asks."""
 
     def __init__(self, session: StudioSession):

@@ -34,7 +34,7 @@ class AskedCurve(FileModel):
     name: str
 
 
-class PlaybackDesk:
+class PlaybackPage:
     """What the page asks for, each answer as plain values."""
 
     def __init__(self, session: StudioSession):
@@ -107,12 +107,12 @@ class PlaybackDesk:
 
 def routes(session: StudioSession) -> Sequence[BaseRoute]:
     """Below ``/api/playback/``."""
-    desk = PlaybackDesk(session)
+    page = PlaybackPage(session)
     return [
-        get("/api/playback/run", desk.run),
-        post("/api/playback/drawn", AskedRow, desk.drawn),
-        post("/api/playback/curve", AskedCurve, desk.curve),
-        image("/api/playback/images/{camera}/{number}", desk.images),
+        get("/api/playback/run", page.run),
+        post("/api/playback/drawn", AskedRow, page.drawn),
+        post("/api/playback/curve", AskedCurve, page.curve),
+        image("/api/playback/images/{camera}/{number}", page.images),
     ]
 
 

@@ -59,7 +59,7 @@ class Loaded(FileModel):
     name: str
 
 
-class PoseDesk:
+class PosePage:
     """What the page asks for, each answer as plain values."""
 
     def __init__(self, session: StudioSession):
@@ -157,16 +157,16 @@ class PoseDesk:
 
 def routes(session: StudioSession) -> Sequence[BaseRoute]:
     """Below ``/api/pose/``: questions by GET, poses by POST."""
-    desk = PoseDesk(session)
+    page = PosePage(session)
     return [
-        get("/api/pose/body", desk.body),
-        get("/api/pose/names", desk.names),
-        post("/api/pose/keep", PoseInSet, desk.keep),
-        post("/api/pose/discard", Nothing, lambda asked: desk.discard()),
-        post("/api/pose/show", Pose, desk.show),
-        post("/api/pose/drag", Drag, desk.drag),
-        post("/api/pose/score", PoseInSet, desk.score),
-        post("/api/pose/fit", PoseInSet, desk.fit),
-        post("/api/pose/load", Loaded, desk.load),
-        post("/api/pose/save", Saved, desk.save),
+        get("/api/pose/body", page.body),
+        get("/api/pose/names", page.names),
+        post("/api/pose/keep", PoseInSet, page.keep),
+        post("/api/pose/discard", Nothing, lambda asked: page.discard()),
+        post("/api/pose/show", Pose, page.show),
+        post("/api/pose/drag", Drag, page.drag),
+        post("/api/pose/score", PoseInSet, page.score),
+        post("/api/pose/fit", PoseInSet, page.fit),
+        post("/api/pose/load", Loaded, page.load),
+        post("/api/pose/save", Saved, page.save),
     ]

@@ -44,7 +44,7 @@ _WORLD_FROM_CLIP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
 
 
 @dataclass(frozen=True, eq=False)
-class Clip:
+class MotionClip:
     """A clip as its file states it: ``columns`` (n, 44), and whether its end joins its beginning."""
 
     name: str
@@ -92,7 +92,7 @@ class Clip:
         positions, rotations = _continued(positions, rotations, cycles, *clip._at(np.array([0.0, self.duration_s])))
         return Motion(self.name, float(rate_hz), positions, rotations)
 
-    def closed(self, blend_s: float = 0.3) -> Clip:
+    def closed(self, blend_s: float = 0.3) -> MotionClip:
         """The clip with its last ``blend_s`` seconds bent so that its last pose is its first, but for travel and turn."""
         columns, times = self.columns.copy(), self.times_s
         weight = np.clip(1.0 - (times[-1] - times) / blend_s, 0.0, 1.0)
@@ -112,7 +112,7 @@ class Clip:
             bent = Rotation.from_rotvec(weight[:, None] * gap) * turns
             values[:] = bent.as_quat()[:, [3, 0, 1, 2]]
         columns[:, 2] += weight * (columns[0, 2] - columns[-1, 2])
-        return Clip(self.name, columns, self.wraps)
+        return MotionClip(self.name, columns, self.wraps)
 
     def _at(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         own = self.times_s
@@ -146,7 +146,7 @@ def _continued(positions, rotations, cycles, end_positions, end_rotations) -> tu
     return positions, rotations
 
 
-def read_clip(path: str | Path) -> Clip:
+def read_clip(path: str | Path) -> MotionClip:
     """A clip from a DeepMimic motion file (JSON with ``Frames`` of 44 numbers).
 
     Raises
@@ -171,7 +171,7 @@ def read_clip(path: str | Path) -> Clip:
         if (np.abs(lengths - 1.0) > 0.5).any():
             got = f"a length of {lengths[np.argmax(np.abs(lengths - 1.0))]:.3g}"
             raise FileFormatError(path, f"Frames, quaternion of {segment}", "about unit length", got)
-    return Clip(path.stem.removeprefix("humanoid3d_"), columns, content.get("Loop") == "wrap")
+    return MotionClip(path.stem.removeprefix("humanoid3d_"), columns, content.get("Loop") == "wrap")
 
 
 def find_clip(name: str, folder: str | Path) -> Path:
