@@ -75,18 +75,18 @@ def _held_out(seen: Mapping[str, CameraViews], shipped: CameraRig) -> Figures:
     middle = range(n // 3, 2 * n // 3)
     rest = {k: replace(c, views=tuple(v for v in c.views if v.image not in middle)) for k, c in seen.items()}
     held = {k: replace(c, views=tuple(v for v in c.views if v.image in middle)) for k, c in seen.items()}
-    names, instants = list(seen), calibrate_rig(RECORDED_BOARD, held).instants
+    names, time_steps = list(seen), calibrate_rig(RECORDED_BOARD, held).time_steps
     figures: Figures = {}
     for key, rig in (("own", calibrate_rig(RECORDED_BOARD, rest).rig), ("shipped", shipped)):
         lenses = tuple(rig[name].model for name in names)
         state = BoardState.at(lenses, np.array([rig[name].T_cam_world for name in names]), np.zeros((0, 4, 4)))
-        state = BoardState.at(lenses, state.Ts_cam_world, place_boards(RECORDED_BOARD, names, state, instants))
+        state = BoardState.at(lenses, state.Ts_cam_world, place_boards(RECORDED_BOARD, names, state, time_steps))
         options = BoardAdjustmentOptions(1.0, free_lenses=False, free_cameras=False)
-        rows = rows_of(names, instants)
+        rows = rows_of(names, time_steps)
         state = adjust_boards(RECORDED_BOARD.corners, rows, state, options).state
         options = replace(options, free_clocks=True, jitter_sigma_s=BoardRigOptions().stamp_sigma_s)
         for _ in range(3):
-            moving = velocities(instants, state.Ts_world_board)
+            moving = velocities(time_steps, state.Ts_world_board)
             adjustment = adjust_boards(RECORDED_BOARD.corners, rows, state, options, moving)
             state = adjustment.state
         figures[f"board.held_out.{key}_median_px"] = float(np.median(np.linalg.norm(adjustment.residuals_px, axis=1)))
@@ -127,7 +127,7 @@ def synthetic_rig_section(quick: bool = False) -> Figures:
     for seed in range(trials):
         rng = np.random.default_rng(seed)
         rig = room()
-        found = calibrate_rig(ROOM_BOARD, film(rig, rng), BoardRigOptions(clocks="exact", most_instants=N_POSES))
+        found = calibrate_rig(ROOM_BOARD, film(rig, rng), BoardRigOptions(clocks="exact", most_time_steps=N_POSES))
         places, turns, focal = differences(found.rig, rig)
         print(f"  trial {seed}: {[round(1e3 * p, 2) for p in places]} mm, {[round(float(np.degrees(t)), 3) for t in turns]} deg")
         worst.append((100.0 * max(focal), 1e3 * max(places), float(np.degrees(max(turns))), rms(found.adjustment.residuals_px)))

@@ -36,7 +36,7 @@ Figures = dict[str, float | int]
 RATE_HZ, N_IMAGES, CLIP = 60.0, 150, "dance_a"
 SCENE = SceneConfig(n_cameras=4, backgrounds=False)
 FREE = 2  # number of the camera that runs freely
-FINE = 100  # instants to choose from, per image period
+FINE = 100  # time steps to choose from, per image period
 CACHE = Path("out/calibration")
 SHIFT_NS, SHIFTED, LOST = 271_300_000, "cam04", (30, 31, 60)  # of the real clip: what is done to one camera
 CAP_STEP = 10  # the swim cap is looked for in every so-manieth image
@@ -96,7 +96,7 @@ def _offset_s(rig_path: Path) -> float:
 
 
 def record_free_running(folder: Path) -> float:
-    """Film the mannequin with four cameras at 60 Hz, of which one exposes at instants of its own; its true offset, seconds.
+    """Film the mannequin with four cameras at 60 Hz, of which one exposes at times of its own; its true offset, seconds.
 
     ``rig.yaml`` knows nothing of that. All images are of one motion; nothing but their times differs. Beside it come
     ``person.yaml``, the tracker's model scaled by a T-pose, and ``state.yaml``, the pose at the beginning.

@@ -27,9 +27,11 @@ def motions(cameras):
     for camera in cameras:
         pixels, seen = camera.project(places)
         assert seen.all()
-        instants, points = np.indices(seen.shape)
-        place = (instants * 8 + points).ravel()
-        result[camera.name] = ImageMotion(pixels.reshape(-1, 2), instants.ravel(), place, np.ones(8 * N), np.ones(N, dtype=bool))
+        time_steps, points = np.indices(seen.shape)
+        place = (time_steps * 8 + points).ravel()
+        result[camera.name] = ImageMotion(
+            pixels.reshape(-1, 2), time_steps.ravel(), place, np.ones(8 * N), np.ones(N, dtype=bool)
+        )
     return result
 
 
@@ -63,7 +65,7 @@ def test_mirroring_twice_is_nothing(motions):
     np.testing.assert_allclose(motions["cam1"].mirrored(320).mirrored(320).pixels, motions["cam1"].pixels)
 
 
-def test_fewer_instants_and_those_that_are_too_few(cameras, motions):
+def test_fewer_time_steps_and_those_that_are_too_few(cameras, motions):
     assert of(cameras, {name: motion.every(3) for name, motion in motions.items()}) > 0.999
     assert np.isnan(of(cameras, {name: motion.every(10) for name, motion in motions.items()}))
 

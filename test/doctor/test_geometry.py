@@ -18,14 +18,14 @@ PERIOD_S = 0.1
 
 
 def motion(camera: Camera, lag: int = 0) -> ImageMotion:
-    """Of eight points in space, each at an instant's place and exact in the camera's pixels; ``lag``: of so much later."""
+    """Of eight points in space, each at a time step's place and exact in the camera's pixels; ``lag``: of so much later."""
     rng = np.random.default_rng(1)
     t = np.arange(N)[:, None, None] + lag
     places = 0.8 * np.sin(0.12 * rng.uniform(1, 2, (8, 3)) * t + rng.uniform(0, 6, (8, 3)))
     pixels, _ = camera.project(places)
-    instants, points = np.indices((N, 8))
-    place = (instants * 8 + points).ravel()
-    return ImageMotion(pixels.reshape(-1, 2), instants.ravel(), place, np.ones(len(place)), np.ones(N, dtype=bool))
+    time_steps, points = np.indices((N, 8))
+    place = (time_steps * 8 + points).ravel()
+    return ImageMotion(pixels.reshape(-1, 2), time_steps.ravel(), place, np.ones(len(place)), np.ones(N, dtype=bool))
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""What moves in images, on one grid of instants: small patches whose place and time are known."""
+"""What moves in images, on one grid of time steps: small patches whose place and time are known."""
 
 import numpy as np
 import pytest
@@ -86,7 +86,7 @@ def test_images_that_cannot_be_used_are_not_compared():
     assert motion(images, [True, True, False, True, True, True]).valid.tolist() == [False, True, False, False, True, True]
 
 
-def test_images_far_from_an_instant_do_not_stand_for_it():
+def test_images_far_from_a_time_step_do_not_stand_for_it():
     images = flat(4)
     found = motion(images, stamps=[0, 50 * MS, 300 * MS, 350 * MS], grid=np.arange(0, 351, 50) * MS)
     # at 100 and 250 ms the next image is one step off, at 150 and 200 two

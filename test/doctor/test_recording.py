@@ -45,7 +45,7 @@ def test_the_picture_is_the_one_in_the_middle():
 
 
 def combed(shift):
-    """Rows of two instants: a bright box that has moved by ``shift`` on every other row."""
+    """Rows of two time steps: a bright box that has moved by ``shift`` on every other row."""
     image = np.full((240, 320, 3), 60, np.uint8)
     image[60:180:2, 100:160] = 200
     image[61:180:2, 100 + shift : 160 + shift] = 200

@@ -34,7 +34,7 @@ RIG = CameraRig((A, B))
 
 
 def motion(camera, points, amounts):
-    """Of points (n, 3) at instant 1 of three."""
+    """Of points (n, 3) at time step 1 of three."""
     table = np.zeros((3, len(points)))
     table[1] = amounts
     return ImageMotion.of_table(camera.project(np.asarray(points))[0], table, np.ones(3, bool))

@@ -19,7 +19,7 @@ def camera(name, x, y, z=1.0, target=(0.0, 0.0, 1.0)):
 
 
 def motion(camera, places, valid=None):
-    """Of points (n, 3) that are each there at one instant."""
+    """Of points (n, 3) that are each there at one time step."""
     table = np.eye(len(places))
     return ImageMotion.of_table(
         camera.project(np.asarray(places))[0], table, np.ones(len(places), bool) if valid is None else valid

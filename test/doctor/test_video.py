@@ -132,7 +132,7 @@ def test_brightness_that_changes(level, told):
         assert findings["exposure"].values == pytest.approx({"change": high / low - 1, "at_s": 1.2})
 
 
-def test_brightness_is_told_at_the_instant_of_its_largest_change():
+def test_brightness_is_told_at_the_time_step_of_its_largest_change():
     levels = [100] * 5 + [103] * 5 + [120] * 5 + [118] * 5
     assert found(recording(levels=levels))[0]["exposure"].values["at_s"] == pytest.approx(1.0)
 
@@ -157,7 +157,7 @@ def test_findings_name_their_fault_and_camera():
 
 
 def test_brightness_is_of_the_images_that_can_be_used():
-    """One repeated image before the change: the instant is that of the image, not of its place among those that are left."""
+    """One repeated image before the change: the time step is that of the image, not of its place among those that are left."""
     changes = [float("nan"), *[2.0] * (N - 1)]
     changes[4] = 0.0
     findings, good = found(recording(levels=[100] * 12 + [120] * 8, changes=changes))

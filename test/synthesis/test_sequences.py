@@ -19,12 +19,12 @@ def test_a_model_s_truth_is_its_landmarks_in_every_state():
     assert sequence.landmark_names == MODEL.landmark_names
     assert sequence.dof_names == MODEL.chain.dof_names
     assert sequence.static_landmarks is None
-    instants = list(sequence.instants)
-    assert len(instants) == 3
-    for instant, state in zip(instants, STATES, strict=True):
+    time_steps = list(sequence.time_steps)
+    assert len(time_steps) == 3
+    for time_step, state in zip(time_steps, STATES, strict=True):
         body = Configuration(MODEL, state)
-        assert np.array_equal(instant.landmarks, body.landmarks_world)
-        assert np.array_equal(instant.mesh.vertices, ModelSubject(MODEL).mesh(body).vertices)
+        assert np.array_equal(time_step.landmarks, body.landmarks_world)
+        assert np.array_equal(time_step.mesh.vertices, ModelSubject(MODEL).mesh(body).vertices)
     assert [one.to_values().tolist() for one in sequence.states] == [one.to_values().tolist() for one in STATES]
 
 
@@ -60,6 +60,6 @@ def test_fingerprints_do_not_hang_on_the_last_bits():
 
 
 @pytest.mark.parametrize("n", [1, 2])
-def test_instants_are_made_as_they_are_asked_for(n):
-    instants = iter(model_sequence(MODEL, STATES, 25.0).instants)
-    assert len([next(instants) for _ in range(n)]) == n
+def test_time_steps_are_made_as_they_are_asked_for(n):
+    time_steps = iter(model_sequence(MODEL, STATES, 25.0).time_steps)
+    assert len([next(time_steps) for _ in range(n)]) == n

@@ -27,7 +27,7 @@ _NOT_CHECKED = "not checked: places, lenses and clocks. The cameras could not be
 @dataclass(frozen=True, eq=False)
 class Examination:
     """All that was found, what was seen besides (``notes``), and, where cameras could be compared, what was compared: stamps
-    (T,) of the instants, the motion that every camera saw, and what became of it."""
+    (T,) of the time steps, the motion that every camera saw, and what became of it."""
 
     findings: tuple[Finding, ...]
     notes: tuple[str, ...]

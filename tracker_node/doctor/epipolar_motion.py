@@ -1,7 +1,7 @@
 """How well cameras agree on where something moves, from images alone: no markers, no model, no matched points.
 
 All points of a plane through two cameras' centers (an epipolar plane) are seen on one line by each of them. If nothing moves
-on that line in one image, hardly anything moves on the line of the same plane in the other camera's image of that instant.
+on that line in one image, hardly anything moves on the line of the same plane in the other camera's image of that time step.
 So the amount of motion as a function of the plane's angle about the baseline and of time, the *profile*, is nearly the same
 for both cameras where their places, lenses and clocks are true, from however different sides they look. The idea is that of
 motion barcodes (Ben-Artzi, Kasten, Peleg, Werman: Camera calibration from dynamic silhouettes using motion barcodes, CVPR
@@ -20,7 +20,7 @@ from ..camera.model import CameraModel
 from ..camera.rig import Camera
 
 PLANES = 1200  # angles about the baseline: 0.3 degrees each
-LEAST_INSTANTS = 8
+LEAST_TIME_STEPS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +30,12 @@ class ImageMotion:
     Parameters
     ----------
     pixels : (n, 2) places in the image, in its pixels.
-    instants, places, amounts : (m,) how much (0..1) of which place moves at which instant; the others are 0.
-    valid : (T,) bool, instants of which the camera has an image that can be used.
+    time_steps, places, amounts : (m,) how much (0..1) of which place moves at which time step; the others are 0.
+    valid : (T,) bool, time steps of which the camera has an image that can be used.
     """
 
     pixels: np.ndarray
-    instants: np.ndarray
+    time_steps: np.ndarray
     places: np.ndarray
     amounts: np.ndarray
     valid: np.ndarray
@@ -55,17 +55,17 @@ class ImageMotion:
         -------
         The same, as a sparse table.
         """
-        instants, places = np.nonzero(table * valid[:, None])
-        return cls(pixels, instants, places, table[instants, places].astype(float), valid)
+        time_steps, places = np.nonzero(table * valid[:, None])
+        return cls(pixels, time_steps, places, table[time_steps, places].astype(float), valid)
 
     @property
     def center(self) -> np.ndarray:
         """Mean place of all motion, pixels (2,)."""
         return self.amounts @ self.pixels[self.places] / self.amounts.sum()
 
-    def at(self, instant: int) -> np.ndarray:
-        """(n,) how much of each place moves at an instant."""
-        now = self.instants == instant
+    def at(self, time_step: int) -> np.ndarray:
+        """(n,) how much of each place moves at a time step."""
+        now = self.time_steps == time_step
         return np.bincount(self.places[now], self.amounts[now], len(self.pixels))
 
     def rays(self, lens: CameraModel) -> np.ndarray:
@@ -80,22 +80,22 @@ class ImageMotion:
         return replace(self, pixels=np.stack([width - 1 - self.pixels[:, 0], self.pixels[:, 1]], axis=1))
 
     def every(self, step: int) -> ImageMotion:
-        """Every ``step``-th instant only."""
-        kept = self.instants % step == 0
-        return self._with(kept, self.instants[kept] // step, self.valid[::step])
+        """Every ``step``-th time step only."""
+        kept = self.time_steps % step == 0
+        return self._with(kept, self.time_steps[kept] // step, self.valid[::step])
 
-    def shifted(self, instants: int) -> ImageMotion:
-        """The motion of ``instants`` later moved to now (negative: earlier); what is then unknown is not valid."""
+    def shifted(self, time_steps: int) -> ImageMotion:
+        """The motion of ``time_steps`` later moved to now (negative: earlier); what is then unknown is not valid."""
         n = len(self.valid)
-        source = np.arange(n) + instants
+        source = np.arange(n) + time_steps
         inside = (source >= 0) & (source < n)
         valid = inside & self.valid[np.clip(source, 0, n - 1)]
-        moved = self.instants - instants
+        moved = self.time_steps - time_steps
         kept = (moved >= 0) & (moved < n)
         return self._with(kept, moved[kept], valid)
 
-    def _with(self, kept: np.ndarray, instants: np.ndarray, valid: np.ndarray) -> ImageMotion:
-        return replace(self, instants=instants, places=self.places[kept], amounts=self.amounts[kept], valid=valid)
+    def _with(self, kept: np.ndarray, time_steps: np.ndarray, valid: np.ndarray) -> ImageMotion:
+        return replace(self, time_steps=time_steps, places=self.places[kept], amounts=self.amounts[kept], valid=valid)
 
 
 def agreement(a: Camera, motion_a: ImageMotion, b: Camera, motion_b: ImageMotion) -> float:
@@ -106,14 +106,14 @@ def agreement(a: Camera, motion_a: ImageMotion, b: Camera, motion_b: ImageMotion
     a : one camera.
     motion_a : what moves in its images.
     b : the other camera.
-    motion_b : what moves in its images, at the same instants.
+    motion_b : what moves in its images, at the same time steps.
 
     Returns
     -------
-    -1 to 1; NaN with too few instants, or where nothing moves.
+    -1 to 1; NaN with too few time steps, or where nothing moves.
     """
     both = motion_a.valid & motion_b.valid
-    if both.sum() < LEAST_INSTANTS:
+    if both.sum() < LEAST_TIME_STEPS:
         return float("nan")
     profile_a = _profile(a, b.center - a.center, motion_a, both)
     profile_b = _profile(b, b.center - a.center, motion_b, both)
@@ -140,29 +140,29 @@ def agreements(cameras: Sequence[Camera], motions: Mapping[str, ImageMotion]) ->
     return result
 
 
-def _profile(camera: Camera, baseline: np.ndarray, motion: ImageMotion, instants: np.ndarray) -> np.ndarray:
-    """(T, PLANES): square roots of the amounts of motion, less each instant's mean; zero but at ``instants`` (T,) bool."""
+def _profile(camera: Camera, baseline: np.ndarray, motion: ImageMotion, time_steps: np.ndarray) -> np.ndarray:
+    """(T, PLANES): square roots of the amounts of motion, less each time step's mean; zero but at ``time_steps`` (T,) bool."""
     directions = motion.rays(camera.model) @ camera.T_world_cam[:3, :3].T
     along, across = _perpendicular(baseline)
     position = np.arctan2(directions @ across, directions @ along) * (PLANES / (2.0 * np.pi))
     seen = np.any(directions != 0.0, axis=1)
-    total = _shared_out(motion.instants, motion.places, motion.amounts, position, seen, len(motion.valid))
-    roots = np.sqrt(total) * instants[:, None]
+    total = _shared_out(motion.time_steps, motion.places, motion.amounts, position, seen, len(motion.valid))
+    roots = np.sqrt(total) * time_steps[:, None]
     return roots - roots.mean(axis=1, keepdims=True)
 
 
 @nb.njit(cache=True, nogil=True)
-def _shared_out(instants, places, amounts, position, seen, n_instants):
-    """Amounts by instant and plane; each place's is shared out among the two nearest planes, so that the agreement is a
+def _shared_out(time_steps, places, amounts, position, seen, n_time_steps):
+    """Amounts by time step and plane; each place's is shared out among the two nearest planes, so that the agreement is a
     continuous function of where cameras stand."""
-    total = np.zeros((n_instants, PLANES))
-    for i in range(len(instants)):
+    total = np.zeros((n_time_steps, PLANES))
+    for i in range(len(time_steps)):
         place = places[i]
         if seen[place]:
             low = int(np.floor(position[place]))
             share = position[place] - low
-            total[instants[i], low % PLANES] += (1.0 - share) * amounts[i]
-            total[instants[i], (low + 1) % PLANES] += share * amounts[i]
+            total[time_steps[i], low % PLANES] += (1.0 - share) * amounts[i]
+            total[time_steps[i], (low + 1) % PLANES] += share * amounts[i]
     return total
 
 

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from ..camera.rig import Camera
 from ..geometry import se3, so3
-from .epipolar_motion import LEAST_INSTANTS, ImageMotion, agreements
+from .epipolar_motion import LEAST_TIME_STEPS, ImageMotion, agreements
 from .setup import Setup
 
 LEAST_GAIN = 0.012  # of agreement, after the price
@@ -66,7 +66,7 @@ def diagnose(setup: Setup, period_s: float) -> Diagnosis:
     Parameters
     ----------
     setup : cameras, and what moves in their images.
-    period_s : time from instant to instant of the motions.
+    period_s : time from time step to time step of the motions.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def _fits(setup: Setup, period_s: float) -> Iterator[Correction]:
 def _clock(setup: Setup, index: int, base: float, period_s: float) -> Iterator[Correction]:
     name = setup.cameras[index].name
     n = len(setup.motions[name].valid)
-    furthest = max(1, min(round(1.0 / period_s), n // 3, n - LEAST_INSTANTS))
+    furthest = max(1, min(round(1.0 / period_s), n // 3, n - LEAST_TIME_STEPS))
 
     def shifted(k: int) -> Setup:
         return setup.with_motions({name: setup.motions[name].shifted(k)})

@@ -1,4 +1,4 @@
-"""What moves in the images that the doctor has kept: on one grid of instants for all cameras, and how fast."""
+"""What moves in the images that the doctor has kept: on one grid of time steps for all cameras, and how fast."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LEAST_CHANGED = 30  # pixels of the small images
 
 
 def common_grid(recordings: Mapping[str, CameraRecording]) -> np.ndarray:
-    """Instants (T,) in ns at which all cameras have images, one per image of the slowest camera."""
+    """Time steps (T,) in ns at which all cameras have images, one per image of the slowest camera."""
     first = max(r.stamps_ns[0] for r in recordings.values())
     last = min(r.stamps_ns[-1] for r in recordings.values())
     period = max(period_ns(r) for r in recordings.values())
@@ -34,7 +34,7 @@ def period_ns(recording: CameraRecording) -> int:
 
 
 def motion_on_grid(recording: CameraRecording, grid: np.ndarray, usable: np.ndarray) -> ImageMotion:
-    """Motion of one camera at the instants of a grid.
+    """Motion of one camera at the time steps of a grid.
 
     Parameters
     ----------

@@ -90,32 +90,32 @@ def _picture(
     findings: list[Finding],
     colors: Mapping[str, tuple[int, int, int]],
 ) -> np.ndarray:
-    """The camera's image of an instant in mid-recording, with what moves in it and what the other cameras say about that."""
+    """The camera's image of a time step in mid-recording, with what moves in it and what the other cameras say about that."""
     image = recording.picture
     assert image is not None
     factor = _LONGER_SIDE / max(image.shape[:2])
     image = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR)
     setup = examination.setup
     if setup is not None and camera.name in setup.motions:
-        instant = int(np.abs(examination.grid_ns - recording.stamps_ns[recording.picture_index]).argmin())
-        _draw_motion(image, camera.name, setup, instant, colors, factor)
+        time_step = int(np.abs(examination.grid_ns - recording.stamps_ns[recording.picture_index]).argmin())
+        _draw_motion(image, camera.name, setup, time_step, colors, factor)
     text = [finding.sentence for finding in findings] or ["nothing found"]
     return np.vstack([_banner(f"{camera.name}: " + "; ".join(text), image.shape[1], bool(findings)), image])
 
 
 def _draw_motion(
-    image: np.ndarray, name: str, setup: Setup, instant: int, colors: Mapping[str, tuple[int, int, int]], factor: float
+    image: np.ndarray, name: str, setup: Setup, time_step: int, colors: Mapping[str, tuple[int, int, int]], factor: float
 ) -> None:
     camera = next(c for c in setup.cameras if c.name == name)
     own = setup.motions[name]
-    amounts = own.at(instant)
+    amounts = own.at(time_step)
     tint = image.copy()
     for u, v in own.pixels[amounts > _MOVES] * factor:
         cv2.circle(tint, (round(u), round(v)), 3, colors[name], -1, cv2.LINE_AA)
     cv2.addWeighted(tint, 0.5, image, 0.5, 0.0, dst=image)
     for other in setup.cameras:
         motion = setup.motions[other.name]
-        moving = motion.pixels[motion.at(instant) > _MOVES]
+        moving = motion.pixels[motion.at(time_step) > _MOVES]
         if other.name == name or not len(moving):
             continue
         for pixel in (moving[np.argmin(moving[:, 1])], moving[np.argmax(moving[:, 1])]):

@@ -10,7 +10,7 @@ import numpy as np
 from ..camera.rig import Camera
 from .epipolar_motion import ImageMotion, agreement
 
-_FIT_INSTANTS = 40  # enough for a fit
+_FIT_TIME_STEPS = 40  # enough for a fit
 _NO_TRUST, _FULL_TRUST = 0.15, 0.5  # sines of the angle between the baseline and the line of sight
 _LEAST_WEIGHT = 0.02
 
@@ -54,8 +54,8 @@ class Setup:
         return weights
 
     def thinned(self) -> Setup:
-        """With fewer instants where there are many, for fits."""
-        step = max(1, len(next(iter(self.motions.values())).valid) // _FIT_INSTANTS)
+        """With fewer time steps where there are many, for fits."""
+        step = max(1, len(next(iter(self.motions.values())).valid) // _FIT_TIME_STEPS)
         return replace(self, motions={name: motion.every(step) for name, motion in self.motions.items()})
 
     def with_camera(self, index: int, camera: Camera) -> Setup:

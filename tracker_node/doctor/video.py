@@ -132,7 +132,7 @@ def video_problems(recording: CameraRecording, everyone: list[CameraRecording]) 
             Finding(
                 "interlaced", (name,),
                 f"{name}: is interlaced: what moves shows combs (ratio {ratio:.1f}, progressive video has less than"
-                f" {COMB_THRESHOLD:g}), two instants are in each image. Say `interlaced: top_first` or"
+                f" {COMB_THRESHOLD:g}), two time steps are in each image. Say `interlaced: top_first` or"
                 " `bottom_first` in the rig.",
                 {"comb_ratio": ratio},
             )

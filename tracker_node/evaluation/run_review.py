@@ -33,7 +33,7 @@ class RunFiles:
     model, rig : files; None: those that run.json names. Without a rig there are no silhouettes and no pictures.
     truth : files, at most one of positions and one of degrees of freedom; ``y_up``: see `truth.files.truth_of`.
     masks : file of reference masks.
-    pictures : instants on the contact sheets.
+    pictures : time steps on the contact sheets.
     options : ``first_image`` None: the one that run.json says, or 0.
     """
 

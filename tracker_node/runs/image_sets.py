@@ -218,9 +218,9 @@ def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterato
                 yield BrokenOff(camera, last_ns[camera])
 
     with ImageFeed(sources) as feed:
-        for instant in feed:
+        for feed_set in feed:
             yield from broken_off()
-            for image in instant.images:
+            for image in feed_set.images:
                 last_ns[image.camera] = image.stamp_ns
                 yield CameraImage(image.camera, image.stamp_ns, image.bgr)
         yield from broken_off()

@@ -15,7 +15,7 @@ from ..tracking.limbs.tree import limbs_of
 from .data import RunData
 
 LOST = ("gap", "limbs", "keep")
-MOST_INSTANTS = 5_000_000
+MOST_TIME_STEPS = 5_000_000
 ON_GRID = 0.25  # of a period: stamps that lie so near to those of a constant rate are taken for them
 _SAME_RATE = 0.01  # by which fraction a rate may differ from the run's own to be taken for it
 _GAP = 1.5  # periods between two sets: further apart, one is missing between them
@@ -150,7 +150,7 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
 
     Raises
     ------
-    FileFormatError : more than `MOST_INSTANTS`: a rate, or a gap between stamps, that cannot be meant.
+    FileFormatError : more than `MOST_TIME_STEPS`: a rate, or a gap between stamps, that cannot be meant.
     """
     period = motion.period_ns if rate_hz is None else 1e9 / rate_hz
     elapsed = (motion.stamps_ns - motion.stamps_ns[0]).astype(np.float64)
@@ -158,8 +158,8 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
     off = np.abs(elapsed - rows * period)
     as_they_are = abs(period / motion.period_ns - 1.0) < _SAME_RATE and off.max() <= ON_GRID * period
     n = int(rows[-1]) + 1 if as_they_are else int(elapsed[-1] / period * (1.0 + 1e-12)) + 1
-    if n > MOST_INSTANTS:
-        raise FileFormatError("stamps", f"{1e9 / period:.6g} Hz", f"at most {MOST_INSTANTS} instants from first to last", n)
+    if n > MOST_TIME_STEPS:
+        raise FileFormatError("stamps", f"{1e9 / period:.6g} Hz", f"at most {MOST_TIME_STEPS} time steps from first to last", n)
     grid = np.round(np.arange(n) * period)  # nanoseconds, so that a time step of the run is met exactly
     unknown = motion.unknown_links
     if as_they_are:
@@ -168,7 +168,7 @@ def at_constant_rate(motion: RunMotion, rate_hz: float | None = None) -> tuple[R
         unknown = None if unknown is None else _placed(unknown[taken], rows[taken], n)
         done = f"states as they are, at {1e9 / period:.6g} Hz; stamps are within {1e-6 * off.max():.2g} ms of that"
         if len(taken) < len(rows):
-            done += f"; {len(rows) - len(taken)} left out, each beside a state nearer to the same instant"
+            done += f"; {len(rows) - len(taken)} left out, each beside a state nearer to the same time step"
     else:
         values, valid = _interpolated(motion, elapsed, grid)
         if unknown is not None:

@@ -45,7 +45,7 @@ _DRAWING = ("dataset", "scenes/*", "subjects/cones", "subjects/mannequin")
 
 @dataclass(frozen=True, eq=False)
 class PosedSubject:
-    """One instant of a subject: its mesh and its landmarks (m, 3), meters, world."""
+    """One time step of a subject: its mesh and its landmarks (m, 3), meters, world."""
 
     mesh: ColoredMesh
     landmarks: np.ndarray
@@ -58,8 +58,8 @@ class Sequence:
     Parameters
     ----------
     name : for messages.
-    landmark_names : in the order of every instant's landmarks.
-    instants : one per image set, made while it is recorded.
+    landmark_names : in the order of every time step's landmarks.
+    time_steps : one per image set, made while it is recorded.
     n_images : their number.
     rate_hz : image sets per second.
     static_landmarks : (m, 3) landmarks in a T-pose, or None.
@@ -69,7 +69,7 @@ class Sequence:
 
     name: str
     landmark_names: tuple[str, ...]
-    instants: Iterable[PosedSubject]
+    time_steps: Iterable[PosedSubject]
     n_images: int
     rate_hz: float = 30.0
     static_landmarks: np.ndarray | None = None
@@ -110,10 +110,10 @@ def record(
         if scene.backgrounds:
             _write_backgrounds(studio, folder / "plates")
         suffix = ".png" if scene.lossless else ".jpg"
-        for i, instant in enumerate(sequence.instants):
-            for camera, image in zip(rig, studio.images(instant.mesh, i), strict=True):
+        for i, time_step in enumerate(sequence.time_steps):
+            for camera, image in zip(rig, studio.images(time_step.mesh, i), strict=True):
                 _write(folder / camera.name / f"{i:06d}{suffix}", image)
-            truth.append(round(i * 1e9 / sequence.rate_hz), instant.landmarks)
+            truth.append(round(i * 1e9 / sequence.rate_hz), time_step.landmarks)
             progress(i + 1, sequence.n_images)
     _write_rig(rig, folder, scene.backgrounds)
     (folder / "true_states.csv").unlink(missing_ok=True)
@@ -242,12 +242,12 @@ def mannequin_sequence(
     subject = MannequinSubject(stature, part_colors_rgb)
     colors = {} if part_colors_rgb is None else {"colors": digest(subject.colors_rgb)}
 
-    def instants() -> Iterator[PosedSubject]:
+    def time_steps() -> Iterator[PosedSubject]:
         for body in subject.follow(motion):
             yield PosedSubject(ColoredMesh(body.vertices, subject.faces, subject.colors_rgb), body.landmarks)
 
     return Sequence(
-        name=f"mannequin_{motion.name}", landmark_names=LANDMARKS, instants=instants(), n_images=len(motion),
+        name=f"mannequin_{motion.name}", landmark_names=LANDMARKS, time_steps=time_steps(), n_images=len(motion),
         rate_hz=motion.rate_hz, static_landmarks=subject.t_pose().landmarks,
         parameters={"stature": stature, "motion": digest(motion.root_positions, motion.rotations), **colors},
     )  # fmt: skip
@@ -270,7 +270,7 @@ def model_sequence(model: ArticulatedModel, states: Iterable[State], rate_hz: fl
     subject = ModelSubject(model)
     states = list(states)
 
-    def instants() -> Iterator[PosedSubject]:
+    def time_steps() -> Iterator[PosedSubject]:
         for state in states:
             configuration = Configuration(model, state)
             yield PosedSubject(subject.mesh(configuration), np.array(configuration.landmarks_world))
@@ -278,7 +278,7 @@ def model_sequence(model: ArticulatedModel, states: Iterable[State], rate_hz: fl
     rest = subject.mesh(Configuration(model, State.neutral(model)))
     content = digest(rest.vertices, rest.colors_rgb, *(state.to_values() for state in states))
     return Sequence(
-        name, model.landmark_names, instants(), len(states), rate_hz,
+        name, model.landmark_names, time_steps(), len(states), rate_hz,
         states=tuple(states), dof_names=model.chain.dof_names, parameters={"motion": content},
     )  # fmt: skip
 

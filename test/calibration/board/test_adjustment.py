@@ -32,14 +32,14 @@ def problem(**options):
     """A problem away from its minimum: cameras, lenses, poses, clocks and stamps are all off."""
     rig = ring(8).subset(NAMES)
     seen = corners_seen(rig, n=25, noise_px=0.5, late_s=[0.0, 0.02, -0.03], jitter_s=0.01)
-    instants = [i for i in group_views({n: c.views for n, c in seen.items()}, 0.05) if len(i.views) > 1]
+    time_steps = [i for i in group_views({n: c.views for n, c in seen.items()}, 0.05) if len(i.views) > 1]
     rng = np.random.default_rng(1)
-    boards = np.array([board_pose(1e-9 * i.stamp_ns) @ se3.exp(0.01 * rng.standard_normal(6)) for i in instants])
+    boards = np.array([board_pose(1e-9 * i.stamp_ns) @ se3.exp(0.01 * rng.standard_normal(6)) for i in time_steps])
     state = BoardState.at(tuple(c.model for c in rig), np.array([c.T_cam_world for c in rig]), boards)
-    state = replace(state, clocks_s=0.01 * rng.standard_normal(3), jitter_s=0.01 * rng.standard_normal((len(instants), 3)))
+    state = replace(state, clocks_s=0.01 * rng.standard_normal(3), jitter_s=0.01 * rng.standard_normal((len(time_steps), 3)))
     everything = BoardAdjustmentOptions(**{"free_clocks": True, "jitter_sigma_s": 0.02, **options})
-    moving = velocities(instants, boards)
-    return _Problem(CHARUCO.corners, rows_of(NAMES, instants), everything, moving), state
+    moving = velocities(time_steps, boards)
+    return _Problem(CHARUCO.corners, rows_of(NAMES, time_steps), everything, moving), state
 
 
 def test_gradient_of_the_cost():

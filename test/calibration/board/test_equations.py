@@ -5,14 +5,14 @@ import pytest
 
 from tracker_node.calibration.board.equations import CLOCK, N_PLACE, BoardEquations, CameraRows
 
-N_LENS, N_INSTANTS = 4, 3
+N_LENS, N_TIME_STEPS = 4, 3
 P = N_PLACE + N_LENS  # of a camera
 PRIOR = 2.5
 
 
 def rows(camera, rng, m=40):
     return CameraRows(
-        camera, np.arange(m) % N_INSTANTS, rng.uniform(0.5, 2.0, m), rng.standard_normal((m, 2)),
+        camera, np.arange(m) % N_TIME_STEPS, rng.uniform(0.5, 2.0, m), rng.standard_normal((m, 2)),
         rng.standard_normal((m, 2, P)), rng.standard_normal((m, 2, 6)), rng.standard_normal((m, 2)),
     )  # fmt: skip
 
@@ -23,11 +23,11 @@ def seen():
     return [rows(0, rng), rows(1, rng)]
 
 
-LATE_S = np.random.default_rng(2).standard_normal((N_INSTANTS, 2))
+LATE_S = np.random.default_rng(2).standard_normal((N_TIME_STEPS, 2))
 
 
 def equations(seen, stamps=False):
-    result = BoardEquations(np.array([0, P, 2 * P]), N_INSTANTS)
+    result = BoardEquations(np.array([0, P, 2 * P]), N_TIME_STEPS)
     for one in seen:
         result.add(one)
         if stamps:
@@ -36,17 +36,17 @@ def equations(seen, stamps=False):
 
 
 def whole(seen, stamps=False):
-    """H and g of all cameras, poses and, at the end, stamps (instant by instant, camera by camera)."""
-    d, n = 2 * P, N_INSTANTS
+    """H and g of all cameras, poses and, at the end, stamps (time step by time step, camera by camera)."""
+    d, n = 2 * P, N_TIME_STEPS
     size = d + 6 * n + (2 * n if stamps else 0)
     H, g = np.zeros((size, size)), np.zeros(size)
     for one in seen:
-        for k, instant in enumerate(one.instant):
+        for k, time_step in enumerate(one.time_step):
             J = np.zeros((2, size))
             J[:, one.camera * P : (one.camera + 1) * P] = one.by_camera[k]
-            J[:, d + 6 * instant : d + 6 * instant + 6] = one.by_pose[k]
+            J[:, d + 6 * time_step : d + 6 * time_step + 6] = one.by_pose[k]
             if stamps:
-                J[:, d + 6 * n + 2 * instant + one.camera] = one.by_stamp[k]
+                J[:, d + 6 * n + 2 * time_step + one.camera] = one.by_stamp[k]
             H += one.weights[k] * J.T @ J
             g += one.weights[k] * J.T @ one.residuals[k]
     if stamps:
@@ -68,11 +68,11 @@ def test_a_step_is_that_of_the_whole_system(seen, stamps):
     step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free])
     cameras, poses, late_s = result.step(0.0)
     assert np.allclose(np.concatenate(cameras), step[: 2 * P], atol=1e-8)
-    assert np.allclose(poses.ravel(), step[2 * P : 2 * P + 6 * N_INSTANTS], atol=1e-8)
+    assert np.allclose(poses.ravel(), step[2 * P : 2 * P + 6 * N_TIME_STEPS], atol=1e-8)
     if stamps:
-        assert np.allclose(late_s.ravel(), step[2 * P + 6 * N_INSTANTS :], atol=1e-8)
+        assert np.allclose(late_s.ravel(), step[2 * P + 6 * N_TIME_STEPS :], atol=1e-8)
     else:
-        assert late_s.shape == (N_INSTANTS, 2)
+        assert late_s.shape == (N_TIME_STEPS, 2)
         assert not late_s.any()
 
 

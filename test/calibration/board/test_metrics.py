@@ -30,13 +30,13 @@ def found():
     """Three cameras at their true places, boards at theirs, corners as they are projected: nothing is off."""
     rig = CameraRig(ring(8, ("plumb_bob",)).cameras[:3])  # near enough to each other to see the same boards
     seen = corners_seen(rig, n=40, noise_px=0.0)
-    instants = tuple(group_views({name: views.views for name, views in seen.items()}, 0.01))
-    boards = np.array([board_pose(round(instant.stamp_ns * 1e-9 / PERIOD_S) * PERIOD_S) for instant in instants])
+    time_steps = tuple(group_views({name: views.views for name, views in seen.items()}, 0.01))
+    boards = np.array([board_pose(round(time_step.stamp_ns * 1e-9 / PERIOD_S) * PERIOD_S) for time_step in time_steps])
     state = BoardState.at(tuple(c.model for c in rig), np.array([c.T_cam_world for c in rig]), boards)
-    n = len(rows_of(rig.names, instants).camera)
+    n = len(rows_of(rig.names, time_steps).camera)
     sigmas = tuple(np.arange(1.0, 1.0 + N_PARAMETERS) * (i + 1) for i in range(3))
     adjustment = BoardAdjustment(state, np.zeros((n, 2)), sigmas, 3, True)
-    return BoardRig(rig, CHARUCO, instants, adjustment, np.zeros((len(instants), 6)), ())
+    return BoardRig(rig, CHARUCO, time_steps, adjustment, np.zeros((len(time_steps), 6)), ())
 
 
 def with_residuals(found, residuals, **state):
@@ -65,13 +65,13 @@ def test_a_clock_is_off_by_more_than_three_sigmas_and_a_millisecond(clock_s, sig
 
 
 def test_figures_of_cameras(found):
-    rows = rows_of(found.rig.names, found.instants)
+    rows = rows_of(found.rig.names, found.time_steps)
     residuals = np.tile([[0.5, -0.5]], (len(rows.camera), 1)) * (1 + rows.camera[:, None])
-    jitter_s = np.full((len(found.instants), 3), 0.02)
+    jitter_s = np.full((len(found.time_steps), 3), 0.02)
     result = camera_metrics(with_residuals(found, residuals, clocks_s=np.array([0.0, 0.1, -0.2]), jitter_s=jitter_s))
     assert list(result) == list(found.rig.names)
     for i, (name, c) in enumerate(result.items()):
-        seen = [instant.views[name] for instant in found.instants if name in instant.views]
+        seen = [time_step.views[name] for time_step in found.time_steps if name in time_step.views]
         sigma = 1.4826 * 0.5 * (i + 1) * found.adjustment.sigmas[i]
         assert (c.views, len(c.pixels)) == (len(seen), sum(len(view.ids) for view in seen))
         assert np.allclose(c.pixels, np.concatenate([view.pixels for view in seen]))
@@ -88,7 +88,7 @@ def test_pairs_that_are_true_agree(found):
     result = pair_metrics(found)
     assert len(result) == 2  # the first and the last see no board together
     for (a, b), (n, error) in result.items():
-        together = [i for i in found.instants if a in i.views and b in i.views and set(i.views[a].ids) & set(i.views[b].ids)]
+        together = [i for i in found.time_steps if a in i.views and b in i.views and set(i.views[a].ids) & set(i.views[b].ids)]
         assert n == len(together) > 0
         assert error < 1e-3
     assert all(found.rig.names.index(a) < found.rig.names.index(b) for a, b in result)
@@ -96,7 +96,7 @@ def test_pairs_that_are_true_agree(found):
 
 def test_a_camera_whose_corners_are_off_disagrees_with_the_others_alone(found):
     """Corners of one camera lie 2 px off across its images: pairs with it are about half of that off in each image."""
-    rows = rows_of(found.rig.names, found.instants)
+    rows = rows_of(found.rig.names, found.time_steps)
     off = np.where((rows.camera == 2)[:, None], [0.0, 2.0], 0.0)
     good = {pair for pair in pair_metrics(found) if found.rig.names[2] not in pair}
     for pair, (_, error) in pair_metrics(with_residuals(found, off)).items():
@@ -108,21 +108,21 @@ def test_a_camera_whose_corners_are_off_disagrees_with_the_others_alone(found):
 
 def test_a_pair_that_sees_no_board_together_is_left_out(found):
     first = found.rig.names[0]
-    alone = tuple(replace(i, views={first: i.views[first]}) for i in found.instants if first in i.views)
+    alone = tuple(replace(i, views={first: i.views[first]}) for i in found.time_steps if first in i.views)
     state = replace(
         found.state, Ts_world_board=found.state.Ts_world_board[: len(alone)], jitter_s=found.state.jitter_s[: len(alone)]
     )
     n = sum(len(i.views[first].ids) for i in alone)
-    lonely = replace(found, instants=alone, adjustment=replace(found.adjustment, state=state, residuals_px=np.zeros((n, 2))))
+    lonely = replace(found, time_steps=alone, adjustment=replace(found.adjustment, state=state, residuals_px=np.zeros((n, 2))))
     assert pair_metrics(lonely) == {}
 
 
 def test_flat_metrics_say_the_same(found):
-    rows = rows_of(found.rig.names, found.instants)
+    rows = rows_of(found.rig.names, found.time_steps)
     wrong = with_residuals(found, np.tile([[0.3, 0.4]], (len(rows.camera), 1)), clocks_s=np.array([0.0, 0.002, 0.0]))
     metrics = rig_metrics(wrong)
     a, b, _ = found.rig.names
-    assert metrics["rig.sets"] == len(found.instants)
+    assert metrics["rig.sets"] == len(found.time_steps)
     assert metrics["rig.corners"] == len(rows.camera)
     assert metrics["rig.rms_px"] == metrics["rig.median_px"] == pytest.approx(0.5)
     assert (metrics["rig.outliers"], metrics["rig.converged"]) == (0, 1)
@@ -132,14 +132,14 @@ def test_flat_metrics_say_the_same(found):
 
 
 def test_worst_views_come_first(found):
-    rows = rows_of(found.rig.names, found.instants)
+    rows = rows_of(found.rig.names, found.time_steps)
     residuals = np.zeros((len(rows.camera), 2))
-    for k, instant in enumerate(found.instants[:4]):
-        residuals[(rows.instant == k) & (rows.camera == found.rig.names.index(next(iter(instant.views)))), 0] = 1.0 + k
+    for k, time_step in enumerate(found.time_steps[:4]):
+        residuals[(rows.time_step == k) & (rows.camera == found.rig.names.index(next(iter(time_step.views)))), 0] = 1.0 + k
     worst = worst_views(with_residuals(found, residuals), 3)
     assert [error for *_, error in worst] == pytest.approx([4.0, 3.0, 2.0])
-    for (name, image, _), instant in zip(worst, found.instants[3:0:-1], strict=True):
-        assert (name, image) == (next(iter(instant.views)), instant.views[name].image)
+    for (name, image, _), time_step in zip(worst, found.time_steps[3:0:-1], strict=True):
+        assert (name, image) == (next(iter(time_step.views)), time_step.views[name].image)
 
 
 @pytest.mark.parametrize("size", [(800, 600), (600, 800)])

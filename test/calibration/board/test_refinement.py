@@ -6,7 +6,7 @@ import pytest
 from tracker_node.calibration.board.adjustment import BoardState
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.refinement import BoardRigOptions, _Task, rows_of, view_errors
-from tracker_node.calibration.board.views import BoardInstant
+from tracker_node.calibration.board.views import BoardTimeStep
 from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3
 
@@ -26,8 +26,8 @@ def state_of(boards, n_cameras=2):
     return BoardState.at((LENS,) * n_cameras, np.array([np.eye(4)] * n_cameras), np.array(boards))
 
 
-def task_of(instants, boards):
-    return _Task(BOARD, ["a", "b"], state_of(boards), [BoardInstant(views) for views in instants])
+def task_of(time_steps, boards):
+    return _Task(BOARD, ["a", "b"], state_of(boards), [BoardTimeStep(views) for views in time_steps])
 
 
 @pytest.mark.parametrize("clocks", ["exact", "offset", "free"])
@@ -41,15 +41,15 @@ def test_other_clocks_are_refused():
 
 
 def test_a_view_s_error_is_the_rms_distance_of_its_corners():
-    instants = [BoardInstant({"a": view((0, 1)), "b": view((2,))}), BoardInstant({"b": view((0, 1))})]
+    time_steps = [BoardTimeStep({"a": view((0, 1)), "b": view((2,))}), BoardTimeStep({"b": view((0, 1))})]
     residuals = np.array([[3.0, 4.0], [0.0, 0.0], [6.0, 8.0], [1.0, 0.0], [0.0, 1.0]])
-    assert view_errors(instants, residuals) == pytest.approx({(0, "a"): np.sqrt(12.5), (0, "b"): 10.0, (1, "b"): 1.0})
+    assert view_errors(time_steps, residuals) == pytest.approx({(0, "a"): np.sqrt(12.5), (0, "b"): 10.0, (1, "b"): 1.0})
 
 
 def test_rows_are_in_the_order_of_the_views_with_their_cameras_and_lateness():
-    instants = [BoardInstant({"b": view((5,), 3_000), "a": view((6, 7), 1_000)}), BoardInstant({"a": view((8,), 9_000)})]
-    rows = rows_of(["a", "b"], instants)
-    assert rows.camera.tolist() == [1, 0, 0, 0] and rows.instant.tolist() == [0, 0, 0, 1]
+    time_steps = [BoardTimeStep({"b": view((5,), 3_000), "a": view((6, 7), 1_000)}), BoardTimeStep({"a": view((8,), 9_000)})]
+    rows = rows_of(["a", "b"], time_steps)
+    assert rows.camera.tolist() == [1, 0, 0, 0] and rows.time_step.tolist() == [0, 0, 0, 1]
     assert rows.corner.tolist() == [5, 6, 7, 8] and rows.late_s == pytest.approx([1e-6, -1e-6, -1e-6, 0.0])
 
 
@@ -70,16 +70,16 @@ def test_only_corners_in_the_view_must_be_seen():
     assert task.unseen() == {(0, "b")}
 
 
-def test_views_left_out_are_kept_aside_and_empty_instants_go():
+def test_views_left_out_are_kept_aside_and_empty_time_steps_go():
     first, second, third = {"a": view(stamp_ns=1), "b": view(stamp_ns=2)}, {"a": view(stamp_ns=3)}, {"b": view(stamp_ns=4)}
     task = task_of([first, second, third], [at(0, 0, 1), at(0, 0, 2), at(0, 0, 3)])
     task.state.jitter_s[:, 0] = 1.0, 2.0, 3.0
     task.leave_out({(0, "b"), (1, "a")})
     assert [(name, left.stamp_ns) for name, left in task.left_out] == [("b", 2), ("a", 3)]
-    assert [[v.stamp_ns for v in instant.views.values()] for instant in task.instants] == [[1], [4]]
+    assert [[v.stamp_ns for v in time_step.views.values()] for time_step in task.time_steps] == [[1], [4]]
     assert task.state.Ts_world_board[:, 2, 3].tolist() == [1.0, 3.0] and task.state.jitter_s[:, 0].tolist() == [1.0, 3.0]
     task.leave_out(set())
-    assert len(task.left_out) == 2 and len(task.instants) == 2
+    assert len(task.left_out) == 2 and len(task.time_steps) == 2
 
 
 def test_views_far_worse_than_the_others_are_outlying():

@@ -19,7 +19,7 @@ from tracker_node.calibration.board.report import (
     write_rig_page,
 )
 from tracker_node.calibration.board.rig import calibrate_rig, first_camera_world
-from tracker_node.calibration.board.views import BoardInstant, chosen, group_views, speeds, with_neighbors
+from tracker_node.calibration.board.views import BoardTimeStep, chosen, group_views, speeds, with_neighbors
 from tracker_node.calibration.tracked_body.rig_fit import world_of_most
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import CalibrationError, TrackerError
@@ -113,7 +113,7 @@ def test_views_that_do_not_fit_are_left_out_and_named():
     expected = {("cam2", views[i].image) for i in wrong}
     # Where two cameras alone see the board, and disagree, both may be left out
     assert {view.image for _, view in found.outliers} == {image for _, image in expected}
-    together = [i for i in found.instants if len(i.views) > 1]
+    together = [i for i in found.time_steps if len(i.views) > 1]
     assert not any(view.image in {views[i].image for i in wrong} for i in together for view in i.views.values())
     assert differences(found.rig, rig)[0] < 0.02
 
@@ -182,29 +182,29 @@ def test_still_boards_in_new_places_are_chosen():
     still = [replace(views[0], stamp_ns=v.stamp_ns, image=v.image) for v in views[:20]] + views[20:]
     pace = speeds(still)
     assert pace[5] == 0.0 and np.nanmax(pace) > 50.0
-    instants = [BoardInstant({"cam1": view}) for view in still]
+    time_steps = [BoardTimeStep({"cam1": view}) for view in still]
     paces = {("cam1", v.image): float(p) for v, p in zip(still, pace, strict=True)}
-    some = chosen(instants, paces, 12)
+    some = chosen(time_steps, paces, 12)
     assert len(some) == 12
     assert sum(i.views["cam1"].image <= still[19].image for i in some) <= 2  # twenty times the same
-    assert len(with_neighbors(some, instants)) > 20
+    assert len(with_neighbors(some, time_steps)) > 20
 
 
 def test_the_only_link_between_two_cameras_is_kept():
-    """A camera that saw the board with another one four times, while it was moved quickly, beside a hundred better instants."""
+    """A camera that saw the board with another one four times, while it was moved quickly, beside a hundred better time steps."""
     rng, grid = np.random.default_rng(0), np.array([[x, y] for x in range(4) for y in range(3)], dtype=float)
 
     def view(i: int, place) -> BoardView:
         return BoardView(round(1e9 * i), np.arange(12), 5.0 * grid + place, image=i)
 
-    instants = [BoardInstant({name: view(i, rng.uniform(0, 1000, 2)) for name in ("a", "b")}) for i in range(100)]
-    instants += [BoardInstant({name: view(i, [5.0 * i, 5.0]) for name in ("b", "c")}) for i in range(100, 104)]
+    time_steps = [BoardTimeStep({name: view(i, rng.uniform(0, 1000, 2)) for name in ("a", "b")}) for i in range(100)]
+    time_steps += [BoardTimeStep({name: view(i, [5.0 * i, 5.0]) for name in ("b", "c")}) for i in range(100, 104)]
     paces = {(name, i): 1.0 if i < 100 else 1000.0 + 10.0 * i for name in ("a", "b", "c") for i in range(104)}
-    some = chosen(instants, paces, 20)
-    assert len(some) == 20 and some == sorted(some, key=lambda instant: instant.stamp_ns)
-    assert sum("c" in instant.views for instant in some) == 2
-    assert any(instant.views["b"].image == 100 for instant in some)  # the stillest of them
-    assert len(chosen(instants, paces, 3)) == 4  # fewer would not link three cameras
+    some = chosen(time_steps, paces, 20)
+    assert len(some) == 20 and some == sorted(some, key=lambda time_step: time_step.stamp_ns)
+    assert sum("c" in time_step.views for time_step in some) == 2
+    assert any(time_step.views["b"].image == 100 for time_step in some)  # the stillest of them
+    assert len(chosen(time_steps, paces, 3)) == 4  # fewer would not link three cameras
 
 
 def test_corners_that_a_given_lens_cannot_show_are_left_out():

@@ -7,20 +7,20 @@ from helpers.cameras.board_scenes import CHARUCO, board_pose, corners_seen, ring
 from tracker_node.calibration.board.board import BoardView
 from tracker_node.calibration.board.start import (
     board_poses,
-    common_instants,
+    common_time_steps,
     groups,
     initial_lens,
     initial_state,
     place_boards,
 )
-from tracker_node.calibration.board.views import BoardInstant, group_views
+from tracker_node.calibration.board.views import BoardTimeStep, group_views
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3
 
 RIG = CameraRig(ring(8, ("plumb_bob",)).cameras[:3])
 SEEN = corners_seen(RIG, n=60, noise_px=0.0)
-INSTANTS = [i for i in group_views({name: one.views for name, one in SEEN.items()}, 0.01) if len(i.views) > 1]
+TIME_STEPS = [i for i in group_views({name: one.views for name, one in SEEN.items()}, 0.01) if len(i.views) > 1]
 LENSES = {camera.name: camera.model for camera in RIG}
 
 
@@ -72,14 +72,14 @@ def test_a_first_lens_has_about_the_right_focal_length(focal):
     assert upright.K[:2, 2].tolist() == [399.5, 639.5]
 
 
-def instant(*names):
-    return BoardInstant({name: SEEN[RIG.names[0]].views[0] for name in names})
+def time_step(*names):
+    return BoardTimeStep({name: SEEN[RIG.names[0]].views[0] for name in names})
 
 
 def test_cameras_that_see_the_board_together_are_counted():
-    common = common_instants("abc", [instant("a", "b"), instant("b"), instant("b", "a"), instant("c")])
+    common = common_time_steps("abc", [time_step("a", "b"), time_step("b"), time_step("b", "a"), time_step("c")])
     assert common.tolist() == [[2, 2, 0], [2, 3, 0], [0, 0, 1]]
-    assert common_instants("ab", []).tolist() == [[0, 0], [0, 0]]
+    assert common_time_steps("ab", []).tolist() == [[0, 0], [0, 0]]
 
 
 def test_cameras_that_hang_together_are_groups_the_largest_first():
@@ -90,18 +90,18 @@ def test_cameras_that_hang_together_are_groups_the_largest_first():
 
 
 def test_cameras_and_boards_are_where_they_are_seen_from_the_first_camera():
-    state = initial_state(CHARUCO, RIG.names, LENSES, INSTANTS)
+    state = initial_state(CHARUCO, RIG.names, LENSES, TIME_STEPS)
     origin = RIG.cameras[0].T_cam_world
     assert np.allclose(state.Ts_cam_world[0], np.eye(4))
     for camera, T in zip(RIG, state.Ts_cam_world, strict=True):
         assert np.allclose(T, camera.T_cam_world @ se3.inverse(origin), atol=1e-3)
-    for one, T in zip(INSTANTS, state.Ts_world_board, strict=True):
+    for one, T in zip(TIME_STEPS, state.Ts_world_board, strict=True):
         assert np.allclose(T, origin @ board_pose(1e-9 * one.stamp_ns), atol=1e-3)
-    assert np.allclose(place_boards(CHARUCO, RIG.names, state, INSTANTS), state.Ts_world_board)
+    assert np.allclose(place_boards(CHARUCO, RIG.names, state, TIME_STEPS), state.Ts_world_board)
     assert not state.clocks_s.any()
 
 
 def test_cameras_that_do_not_hang_together_are_refused():
-    apart = [i for i in INSTANTS if RIG.names[2] not in i.views]
+    apart = [i for i in TIME_STEPS if RIG.names[2] not in i.views]
     with pytest.raises(ValueError, match="expected cameras that hang together"):
         initial_state(CHARUCO, RIG.names, LENSES, apart)

@@ -6,7 +6,7 @@ import pytest
 from tracker_node.calibration.board.board import BoardView
 from tracker_node.calibration.board.views import (
     LEAST_COMMON,
-    BoardInstant,
+    BoardTimeStep,
     chosen,
     group_views,
     spanning_tree,
@@ -24,14 +24,14 @@ def view(ms, at=(0.0, 0.0), ids=(0, 1, 2, 3), image=0):
     return BoardView(round(ms * MS), np.array(ids), SQUARE[list(ids)] + at, 2.0, image)
 
 
-def instant(ms, *names, **other):
-    return BoardInstant({name: view(ms, **other) for name in names or ("a",)})
+def time_step(ms, *names, **other):
+    return BoardTimeStep({name: view(ms, **other) for name in names or ("a",)})
 
 
 def test_the_stamp_is_the_mean_of_the_views():
-    assert BoardInstant({"a": view(10), "b": view(13), "c": view(16)}).stamp_ns == 13 * MS
+    assert BoardTimeStep({"a": view(10), "b": view(13), "c": view(16)}).stamp_ns == 13 * MS
     late = [BoardView(2**62 + i, np.arange(4), SQUARE) for i in (0, 10)]  # beyond what a double holds exactly
-    assert BoardInstant(dict(zip("ab", late, strict=True))).stamp_ns == 2**62 + 5
+    assert BoardTimeStep(dict(zip("ab", late, strict=True))).stamp_ns == 2**62 + 5
 
 
 def grouped(tolerance_s=0.01, **stamps):
@@ -39,13 +39,13 @@ def grouped(tolerance_s=0.01, **stamps):
     return [{name: one.stamp_ns / MS for name, one in group.views.items()} for group in found]
 
 
-def test_views_within_the_tolerance_of_the_first_are_one_instant():
+def test_views_within_the_tolerance_of_the_first_are_one_time_step():
     assert grouped(a=[0, 100], b=[10, 110]) == [{"a": 0, "b": 10}, {"a": 100, "b": 110}]
     assert grouped(a=[0, 100], b=[11, 110]) == [{"a": 0}, {"b": 11}, {"a": 100, "b": 110}]
     assert grouped(a=[0], b=[7], c=[14]) == [{"a": 0, "b": 7}, {"c": 14}]
 
 
-def test_a_camera_has_one_view_in_an_instant():
+def test_a_camera_has_one_view_in_a_time_step():
     assert grouped(a=[0, 4], b=[2, 6]) == [{"a": 0, "b": 2}, {"a": 4, "b": 6}]
     assert grouped(a=[]) == []
 
@@ -80,7 +80,7 @@ def pose(x):
 
 
 def test_velocities_are_from_the_poses_before_and_after():
-    some = [instant(ms) for ms in (0, 100, 200)]
+    some = [time_step(ms) for ms in (0, 100, 200)]
     found = velocities(some, np.array([pose(0.0), pose(0.1), pose(0.4)]))
     assert found[:, 0] == pytest.approx([1.0, 2.0, 3.0])
     assert not found[:, 1:].any()
@@ -91,67 +91,67 @@ def test_velocities_are_from_the_poses_before_and_after():
 
 def test_velocities_are_in_the_board_s_own_frame():
     turned, twist = se3.exp(np.array([1.0, 2.0, 3.0, 0.5, 0.4, 0.3])), np.array([0.3, 0.2, 0.1, 0.6, 0.5, 0.4])
-    found = velocities([instant(0), instant(100)], np.array([turned, turned @ se3.exp(0.1 * twist)]))
+    found = velocities([time_step(0), time_step(100)], np.array([turned, turned @ se3.exp(0.1 * twist)]))
     assert found[0] == pytest.approx(twist)
     assert found[1] == pytest.approx(twist)
 
 
 def test_nothing_is_said_over_long_gaps():
-    found = velocities([instant(0), instant(301), instant(601)], np.array([pose(0.0), pose(1.0), pose(1.3)]))
+    found = velocities([time_step(0), time_step(301), time_step(601)], np.array([pose(0.0), pose(1.0), pose(1.3)]))
     assert found[0, 0] == 0.0
     assert found[1:, 0] == pytest.approx([1.0, 1.0])
-    assert not velocities([instant(0), instant(0)], np.array([pose(0.0), pose(1.0)])).any()
+    assert not velocities([time_step(0), time_step(0)], np.array([pose(0.0), pose(1.0)])).any()
 
 
 def test_neighbors_within_reach_are_taken_too():
-    instants = [instant(ms) for ms in (0, 300, 600, 901, 1000)]
-    assert with_neighbors([instants[1]], instants) == instants[:3]
-    assert with_neighbors([instants[3]], instants) == instants[3:]
-    assert with_neighbors([instants[0]], instants) == instants[:2]
-    assert with_neighbors([], instants) == []
+    time_steps = [time_step(ms) for ms in (0, 300, 600, 901, 1000)]
+    assert with_neighbors([time_steps[1]], time_steps) == time_steps[:3]
+    assert with_neighbors([time_steps[3]], time_steps) == time_steps[3:]
+    assert with_neighbors([time_steps[0]], time_steps) == time_steps[:2]
+    assert with_neighbors([], time_steps) == []
 
 
-def test_few_instants_are_all_taken():
-    instants = [instant(ms) for ms in range(4)]
-    assert chosen(instants, {}, 4) == instants
-    assert len(chosen(instants, {}, 3)) == 3
+def test_few_time_steps_are_all_taken():
+    time_steps = [time_step(ms) for ms in range(4)]
+    assert chosen(time_steps, {}, 4) == time_steps
+    assert len(chosen(time_steps, {}, 3)) == 3
 
 
 def test_views_from_other_places_are_preferred():
     """Three at the same place and two elsewhere: one of each."""
-    instants = [instant(10 * i, at=(x, 0.0)) for i, x in enumerate((0.0, 0.0, 300.0, 0.0, 900.0))]
-    taken = chosen(instants, {}, 3)
-    assert instants[2] in taken
-    assert instants[4] in taken
+    time_steps = [time_step(10 * i, at=(x, 0.0)) for i, x in enumerate((0.0, 0.0, 300.0, 0.0, 900.0))]
+    taken = chosen(time_steps, {}, 3)
+    assert time_steps[2] in taken
+    assert time_steps[4] in taken
     assert taken == sorted(taken, key=lambda one: one.stamp_ns)
 
 
 def test_still_boards_are_preferred():
-    instants = [BoardInstant({"a": view(10 * i, (300.0 * (i // 2), 0.0), image=i)}) for i in range(6)]
+    time_steps = [BoardTimeStep({"a": view(10 * i, (300.0 * (i // 2), 0.0), image=i)}) for i in range(6)]
     speed = {("a", i): (500.0 if i % 2 == 0 else 5.0) for i in range(6)}
-    assert chosen(instants, speed, 3) == instants[1::2]
+    assert chosen(time_steps, speed, 3) == time_steps[1::2]
 
 
-def test_instants_that_link_cameras_come_first():
-    """Only two instants link a and b; all others are of one camera, at many places."""
-    alone = [BoardInstant({name: view(10 * i, (200.0 * i, 0.0))}) for i in range(8) for name in ("a", "b")]
-    links = [BoardInstant({"a": view(500 + i, (60.0 * i, 0)), "b": view(500 + i, (60.0 * i, 0))}) for i in range(2)]
+def test_time_steps_that_link_cameras_come_first():
+    """Only two time steps link a and b; all others are of one camera, at many places."""
+    alone = [BoardTimeStep({name: view(10 * i, (200.0 * i, 0.0))}) for i in range(8) for name in ("a", "b")]
+    links = [BoardTimeStep({"a": view(500 + i, (60.0 * i, 0)), "b": view(500 + i, (60.0 * i, 0))}) for i in range(2)]
     assert chosen([*alone, *links], {}, 2) == links
     assert chosen([*alone, *links], {}, 1) == links  # even if these are more
 
 
 def test_of_views_of_one_place_the_stiller_is_taken():
     """How still a board is counts against what is usual: a pace of the median halves what a view is worth."""
-    instants = [BoardInstant({"a": view(10 * i, (x, 0.0), image=i)}) for i, x in enumerate((0.0, 300.0, 340.0, 900.0))]
+    time_steps = [BoardTimeStep({"a": view(10 * i, (x, 0.0), image=i)}) for i, x in enumerate((0.0, 300.0, 340.0, 900.0))]
     speed = {("a", i): 10.0 for i in range(4)}
-    assert chosen(instants, speed | {("a", 1): 90.0}, 3) == [instants[0], instants[2], instants[3]]
-    assert chosen(instants, speed | {("a", 2): 90.0}, 3) == [instants[0], instants[1], instants[3]]
+    assert chosen(time_steps, speed | {("a", 1): 90.0}, 3) == [time_steps[0], time_steps[2], time_steps[3]]
+    assert chosen(time_steps, speed | {("a", 2): 90.0}, 3) == [time_steps[0], time_steps[1], time_steps[3]]
 
 
-def test_an_instant_of_more_cameras_adds_more():
+def test_a_time_step_of_more_cameras_adds_more():
     """Each camera counts, and half a camera less: one of two cameras is worth six of one that is as far."""
-    one = [BoardInstant({"a": view(10 * i, (400.0 * i, 0.0))}) for i in range(3)]
-    two = [BoardInstant({"a": view(100 + i, (400.0 * i, 0.0)), "b": view(100 + i, (400.0 * i, 0.0))}) for i in range(3)]
+    one = [BoardTimeStep({"a": view(10 * i, (400.0 * i, 0.0))}) for i in range(3)]
+    two = [BoardTimeStep({"a": view(100 + i, (400.0 * i, 0.0)), "b": view(100 + i, (400.0 * i, 0.0))}) for i in range(3)]
     assert chosen([*one, *two], {}, 3) == two
 
 
@@ -160,17 +160,17 @@ def test_larger_and_tilted_boards_are_other_places():
 
     def seen(ms, corners):
         corners = np.asarray(corners, dtype=float)
-        return BoardInstant({"a": BoardView(round(ms * MS), np.arange(4), corners - corners.mean(axis=0) + 100.0, 2.0, 0)})
+        return BoardTimeStep({"a": BoardView(round(ms * MS), np.arange(4), corners - corners.mean(axis=0) + 100.0, 2.0, 0)})
 
     tilted = [[0.0, 0.0], [30.0, 20.0], [20.0, 30.0], [50.0, 50.0]]
-    instants = [seen(0, SQUARE), seen(10, SQUARE), seen(20, 2.0 * SQUARE), seen(30, tilted), seen(40, SQUARE)]
-    assert chosen(instants, {}, 3)[1:] == [instants[2], instants[3]]
+    time_steps = [seen(0, SQUARE), seen(10, SQUARE), seen(20, 2.0 * SQUARE), seen(30, tilted), seen(40, SQUARE)]
+    assert chosen(time_steps, {}, 3)[1:] == [time_steps[2], time_steps[3]]
 
 
 def test_the_pairs_that_link_share_so_many_and_no_more():
-    """Of ten instants of both cameras at one place, `LEAST_COMMON`, and the rest of ``most`` by what they add."""
-    both = [BoardInstant({"a": view(i, (i, 0.0)), "b": view(i, (i, 0.0))}) for i in range(LEAST_COMMON + 4)]
-    far = [BoardInstant({"a": view(500 + i, (500.0 + 300.0 * i, 0.0))}) for i in range(4)]
+    """Of ten time steps of both cameras at one place, `LEAST_COMMON`, and the rest of ``most`` by what they add."""
+    both = [BoardTimeStep({"a": view(i, (i, 0.0)), "b": view(i, (i, 0.0))}) for i in range(LEAST_COMMON + 4)]
+    far = [BoardTimeStep({"a": view(500 + i, (500.0 + 300.0 * i, 0.0))}) for i in range(4)]
     taken = chosen([*both, *far], {}, LEAST_COMMON)
     assert len(taken) == LEAST_COMMON
     assert all(len(one.views) == 2 for one in taken)

@@ -79,12 +79,12 @@ def test_flat_figures_of_a_rig():
     })  # fmt: skip
 
 
-@pytest.mark.parametrize(("n", "instants", "taken"), [(9, 2, (4, 6)), (9, 1, (5,)), (1, 2, (1,))])
-def test_pictures_are_of_instants_in_between(n, instants, taken):
+@pytest.mark.parametrize(("n", "time_steps", "taken"), [(9, 2, (4, 6)), (9, 1, (5,)), (1, 2, (1,))])
+def test_pictures_are_of_time_steps_in_between(n, time_steps, taken):
     state = State.neutral(ARM, se3.from_rotation_translation(np.eye(3), [0.0, 0.0, 0.8]))
     bgr = np.full((480, 640, 3), 50, np.uint8)
     sets = [ImageSet(i, (CameraImage("cam01", i, bgr),)) for i in range(n)]
-    pictures = before_and_after(sets, (ARM, RIG, [state] * n), (longer(), RIG, [state] * n), instants)
+    pictures = before_and_after(sets, (ARM, RIG, [state] * n), (longer(), RIG, [state] * n), time_steps)
     assert [one.text.split(" of ")[0] for one in pictures] == [f"cam01, image set {k}" for k in taken]
     for one in pictures:
         assert one.picture.shape[0] == 420

@@ -53,7 +53,7 @@ def test_a_girth_is_found_and_nothing_is_overwritten(run, tmp_path, capsys):
     assert metrics["body.rms_after_px"] < metrics["body.rms_before_px"]
     assert metrics["body.girth_upper"] == pytest.approx(np.log(radii[1] / radii[2]), abs=1e-6)
     page = (tmp_path / "body.html").read_text()
-    assert page.count("data:image/png") == 6 and "girth upper" in page  # two instants, three cameras
+    assert page.count("data:image/png") == 6 and "girth upper" in page  # two time steps, three cameras
     assert "girth upper" in capsys.readouterr().out
     assert calibrate("body", run, "-o", output) == 2
     assert "is there already" in capsys.readouterr().err
@@ -130,7 +130,7 @@ def taken_otherwise(tmp_path_factory):
 def test_images_are_taken_again_as_the_run_took_them(taken_otherwise, tmp_path, what):
     limits = ["--only", "girth"] if what == "body" else ["--keep-places"]
     assert calibrate(what, taken_otherwise, "-o", tmp_path / "found.yaml", *limits) == 0
-    assert (tmp_path / "found.html").read_text().count("data:image/png") == 4  # two instants, two cameras
+    assert (tmp_path / "found.html").read_text().count("data:image/png") == 4  # two time steps, two cameras
 
 
 def test_the_images_of_a_run_have_its_size_its_cameras_and_its_parameters(taken_otherwise):

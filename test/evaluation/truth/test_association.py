@@ -17,7 +17,7 @@ def wave(stamps_ns, names=("a", "b"), seed=0):
 
 
 def naive_at(trajectories, stamp):
-    """One instant by searching from the start."""
+    """One time step by searching from the start."""
     stamps = trajectories.stamps_ns
     for i in range(len(stamps)):
         if stamps[i] == stamp:
@@ -49,7 +49,7 @@ def test_nothing_is_extrapolated():
     assert t.at(np.array([0, 10, 40]), earlier_ns=0.5)[1][:, 0].tolist() == [False, True, True]
 
 
-def test_one_row_is_only_valid_at_its_own_instant():
+def test_one_row_is_only_valid_at_its_own_time_step():
     t = wave(np.array([100]))
     assert t.at(np.array([99, 100, 101]))[1][:, 0].tolist() == [False, True, False]
 

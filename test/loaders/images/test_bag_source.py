@@ -98,10 +98,10 @@ def test_a_mosaic_says_its_pattern(bag: Path):
     assert first.encoding == "bayer_rggb8"
 
 
-def test_several_sources_of_a_bag_are_instants(bag: Path):
+def test_several_sources_of_a_bag_are_sets(bag: Path):
     sources = {name: open_camera_source(camera(name, f"bag:{bag}")) for name in ("left", "right")}
     with ImageFeed(sources) as feed:
-        assert [len(instant.images) for instant in feed] == [2] * N
+        assert [len(feed_set.images) for feed_set in feed] == [2] * N
 
 
 def test_a_bag_that_breaks_off_says_so(bag: Path):

@@ -22,15 +22,15 @@ def folders(tmp_path: Path) -> dict[str, Path]:
     return result
 
 
-def test_instants_in_order_with_every_image(folders: dict[str, Path]):
+def test_sets_in_order_with_every_image(folders: dict[str, Path]):
     offsets = {"a": 0, "b": 5_000_000, "c": -3_000_000}  # well within 0.4 of 40 ms
     sources = {camera: open_source(path, rate_hz=25.0, base_stamp_ns=offsets[camera]) for camera, path in folders.items()}
     with ImageFeed(sources) as feed:
-        instants = list(feed)
-    assert [[image.camera for image in instant.images] for instant in instants] == [["a", "b", "c"]] * 3 + [["a", "b"]] * 2
-    assert [instant.stamp_ns for instant in instants] == [-3_000_000, 37_000_000, 77_000_000, 120_000_000, 160_000_000]
-    for i, instant in enumerate(instants):
-        for image in instant.images:
+        feed_sets = list(feed)
+    assert [[image.camera for image in feed_set.images] for feed_set in feed_sets] == [["a", "b", "c"]] * 3 + [["a", "b"]] * 2
+    assert [feed_set.stamp_ns for feed_set in feed_sets] == [-3_000_000, 37_000_000, 77_000_000, 120_000_000, 160_000_000]
+    for i, feed_set in enumerate(feed_sets):
+        for image in feed_set.images:
             assert image.bgr[0, 0, 0] == 10 * "abc".index(image.camera) + i
             assert image.stamp_ns == offsets[image.camera] + 40_000_000 * i
     assert all(report.ended and not report.problem for report in feed.reports.values())
@@ -40,7 +40,7 @@ def test_instants_in_order_with_every_image(folders: dict[str, Path]):
 def test_a_source_that_fails_ends_and_is_named_and_the_others_go_on(folders: dict[str, Path]):
     cv2.imwrite(str(folders["b"] / "2.png"), np.zeros((9, 9, 3), np.uint8))  # another size in mid-recording
     with ImageFeed({camera: open_source(folders[camera], rate_hz=25.0) for camera in "ab"}) as feed:
-        sizes = [len(instant.images) for instant in feed]
+        sizes = [len(feed_set.images) for feed_set in feed]
     assert sizes == [2, 2, 1, 1, 1]
     assert "30x20 to 9x9" in feed.reports["b"].problem and not feed.reports["a"].problem
 
@@ -48,7 +48,7 @@ def test_a_source_that_fails_ends_and_is_named_and_the_others_go_on(folders: dic
 def test_repeated_images_are_marked(folders: dict[str, Path]):
     (folders["a"] / "3.png").write_bytes((folders["a"] / "2.png").read_bytes())
     with ImageFeed({"a": open_source(folders["a"])}) as feed:
-        assert [instant.images[0].repeats for instant in feed] == [False, False, False, True, False]
+        assert [feed_set.images[0].repeats for feed_set in feed] == [False, False, False, True, False]
 
 
 def test_close_ends_the_threads_in_the_middle(folders: dict[str, Path]):

@@ -4,7 +4,7 @@ Levenberg-Marquardt with analytic derivatives and a robust loss (Cauchy); the bo
 since each stands in few of the equations (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6). The first
 camera holds the world. A lens is a `lens_parameters` vector; its prior is weak.
 
-Cameras that do not expose at one instant see a moving board at different places. With ``velocities`` each view sees the board
+Cameras that do not expose at one time see a moving board at different places. With ``velocities`` each view sees the board
 where it is at the view's own time; by how much a camera's clock is wrong, and by how much the stamp of each single view, can then
 be sought as well (the stamps are eliminated, too: each stands in its view's equations only).
 """
@@ -29,13 +29,13 @@ class BoardObservations:
 
     Attributes
     ----------
-    camera, instant, corner : (m,) indices.
+    camera, time_step, corner : (m,) indices.
     pixels : (m, 2).
-    late_s : (m,) by how much the image's stamp is later than the instant.
+    late_s : (m,) by how much the image's stamp is later than the time step.
     """
 
     camera: np.ndarray
-    instant: np.ndarray
+    time_step: np.ndarray
     corner: np.ndarray
     pixels: np.ndarray
     late_s: np.ndarray
@@ -49,7 +49,7 @@ class BoardState:
     ----------
     lenses : one a camera.
     Ts_cam_world : (c, 4, 4).
-    Ts_world_board : (n, 4, 4) at the instants.
+    Ts_world_board : (n, 4, 4) at the time steps.
     clocks_s : (c,) by how much each camera's images are later than they say.
     jitter_s : (n, c) by how much single images are later, besides.
     """
@@ -68,7 +68,7 @@ class BoardState:
         ----------
         lenses : one a camera.
         Ts_cam_world : (c, 4, 4).
-        Ts_world_board : (n, 4, 4) at the instants.
+        Ts_world_board : (n, 4, 4) at the time steps.
 
         Returns
         -------
@@ -137,7 +137,7 @@ def adjust_boards(
     seen : the corners in the images.
     start : from where to go; its first camera stays where it is.
     options : what is free, robust scale, when to stop.
-    velocities : (n, 6) twists of the board a second, in its own frame; None: it stands still around each instant.
+    velocities : (n, 6) twists of the board a second, in its own frame; None: it stands still around each time step.
 
     Returns
     -------
@@ -157,7 +157,7 @@ class _Problem:
         self.corners, self.seen, self.options = corners[seen.corner], seen, options
         self.moving = velocities is not None
         self.jitters = self.moving and options.jitter_sigma_s > 0.0
-        twists = np.zeros((len(seen.camera), 6)) if velocities is None else velocities[seen.instant]
+        twists = np.zeros((len(seen.camera), 6)) if velocities is None else velocities[seen.time_step]
         self.speeds = twists[:, :3] + np.cross(twists[:, 3:], self.corners)  # of each corner, in the board's frame
 
     def solve(self, state: BoardState) -> BoardAdjustment:
@@ -174,9 +174,9 @@ class _Problem:
         return lambda damping: _moved(state, *equations.step(damping))
 
     def points(self, state: BoardState) -> np.ndarray:
-        """(m, 3) in the frame that the board has at the instant; to first order, a board turns little between two cameras."""
-        camera, instant = self.seen.camera, self.seen.instant
-        late_s = self.seen.late_s + state.clocks_s[camera] + state.jitter_s[instant, camera]
+        """(m, 3) in the frame that the board has at the time step; to first order, a board turns little between two cameras."""
+        camera, time_step = self.seen.camera, self.seen.time_step
+        late_s = self.seen.late_s + state.clocks_s[camera] + state.jitter_s[time_step, camera]
         return self.corners + self.speeds * late_s[:, None]
 
     def residuals(self, state: BoardState) -> tuple[np.ndarray, np.ndarray]:
@@ -225,20 +225,20 @@ class _Problem:
 
     def _rows(self, state: BoardState, i: int, points: np.ndarray, world: np.ndarray) -> CameraRows:
         rows, lens, T_cam_world = np.flatnonzero(self.seen.camera == i), state.lenses[i], state.Ts_cam_world[i]
-        instant = self.seen.instant[rows]
+        time_step = self.seen.time_step[rows]
         local = se3.apply(T_cam_world, world[rows])
         pixels, by_point, _ = lens.project_with_jacobian(local)
         residuals = pixels - self.seen.pixels[rows]
         weights = 1.0 / (1.0 + (residuals**2).sum(axis=1) / self.options.robust_scale_px**2)
-        by_corner = by_point @ T_cam_world[:3, :3] @ state.Ts_world_board[instant, :3, :3]
+        by_corner = by_point @ T_cam_world[:3, :3] @ state.Ts_world_board[time_step, :3, :3]
         by_stamp = by_corner @ self.speeds[rows, :, None]
         by_camera = np.concatenate([by_point, -by_point @ so3.hat(local), by_stamp, lens_jacobian(lens, local)], axis=2)
         by_pose = np.concatenate([by_corner, -by_corner @ so3.hat(points[rows])], axis=2)
-        return CameraRows(i, instant, weights, residuals, by_camera, by_pose, by_stamp[:, :, 0])
+        return CameraRows(i, time_step, weights, residuals, by_camera, by_pose, by_stamp[:, :, 0])
 
 
 def _in_world(state: BoardState, seen: BoardObservations, points: np.ndarray) -> np.ndarray:
-    Ts = state.Ts_world_board[seen.instant]
+    Ts = state.Ts_world_board[seen.time_step]
     return np.einsum("mij,mj->mi", Ts[:, :3, :3], points) + Ts[:, :3, 3]
 
 

@@ -11,13 +11,13 @@ CLOCK, N_PLACE = 6, 7  # of a camera's parameters: six for its place, then the c
 
 @dataclass(frozen=True, eq=False)
 class CameraRows:
-    """What one camera saw: m corners at the instants ``instant`` (m,), with their weights (m,), residuals (m, 2) and derivatives.
+    """What one camera saw: m corners at the time steps ``time_step`` (m,), weights (m,), residuals (m, 2) and derivatives.
 
     ``by_camera`` (m, 2, p), ``by_pose`` (m, 2, 6) of the board, ``by_stamp`` (m, 2) of the time of the image.
     """
 
     camera: int
-    instant: np.ndarray
+    time_step: np.ndarray
     weights: np.ndarray
     residuals: np.ndarray
     by_camera: np.ndarray
@@ -33,11 +33,11 @@ class BoardEquations:
     """
 
     offsets: np.ndarray
-    n_instants: int
+    n_time_steps: int
     stamps: list[_Stamps] = field(default_factory=list)
 
     def __post_init__(self):
-        d, n = int(self.offsets[-1]), self.n_instants
+        d, n = int(self.offsets[-1]), self.n_time_steps
         self.cameras, self.poses, self.mixed = np.zeros((d, d)), np.zeros((n, 6, 6)), np.zeros((n, d, 6))
         self.gradient_cameras, self.gradient_poses = np.zeros(d), np.zeros((n, 6))
         self.free = np.ones(d, dtype=bool)
@@ -51,9 +51,9 @@ class BoardEquations:
         weighted_pose = rows.weights[:, None, None] * rows.by_pose
         self.cameras[part, part] += np.einsum("mri,mrj->ij", weighted_camera, rows.by_camera)
         self.gradient_cameras[part] += np.einsum("mri,mr->i", weighted_camera, rows.residuals)
-        self.poses += self._by_instant(rows, np.einsum("mri,mrj->mij", weighted_pose, rows.by_pose))
-        self.gradient_poses += self._by_instant(rows, np.einsum("mri,mr->mi", weighted_pose, rows.residuals))
-        self.mixed[:, part] += self._by_instant(rows, np.einsum("mri,mrj->mij", weighted_camera, rows.by_pose))
+        self.poses += self._by_time_step(rows, np.einsum("mri,mrj->mij", weighted_pose, rows.by_pose))
+        self.gradient_poses += self._by_time_step(rows, np.einsum("mri,mr->mi", weighted_pose, rows.residuals))
+        self.mixed[:, part] += self._by_time_step(rows, np.einsum("mri,mrj->mij", weighted_camera, rows.by_pose))
 
     def eliminate_stamps(self, rows: CameraRows, late_s: np.ndarray, prior: float) -> None:
         """Eliminate the errors of the stamps of one camera's views.
@@ -67,10 +67,10 @@ class BoardEquations:
         weighted = rows.weights[:, None] * rows.by_stamp
         stamps = _Stamps(
             rows.camera,
-            self._by_instant(rows, (weighted * rows.by_stamp).sum(axis=1)) + prior,
-            self._by_instant(rows, (weighted * rows.residuals).sum(axis=1)) + prior * late_s,
-            self._by_instant(rows, np.einsum("mr,mri->mi", weighted, rows.by_camera)),
-            self._by_instant(rows, np.einsum("mr,mri->mi", weighted, rows.by_pose)),
+            self._by_time_step(rows, (weighted * rows.by_stamp).sum(axis=1)) + prior,
+            self._by_time_step(rows, (weighted * rows.residuals).sum(axis=1)) + prior * late_s,
+            self._by_time_step(rows, np.einsum("mr,mri->mi", weighted, rows.by_camera)),
+            self._by_time_step(rows, np.einsum("mr,mri->mi", weighted, rows.by_pose)),
         )
         part, share = self.part(rows.camera), stamps.gradient / stamps.precision
         with_camera, with_pose = stamps.with_camera / stamps.precision[:, None], stamps.with_pose / stamps.precision[:, None]
@@ -114,7 +114,7 @@ class BoardEquations:
             moves[self.free] = np.linalg.solve(*self._reduced(inverse, damping))
         back = self.gradient_poses + np.einsum("ndk,d->nk", self.mixed, moves)
         poses = -np.einsum("nij,nj->ni", inverse, back)
-        late_s = np.zeros((self.n_instants, len(self.offsets) - 1))
+        late_s = np.zeros((self.n_time_steps, len(self.offsets) - 1))
         for stamps in self.stamps:
             change = stamps.with_camera @ moves[self.part(stamps.camera)] + (stamps.with_pose * poses).sum(axis=1)
             late_s[:, stamps.camera] = -(stamps.gradient + change) / stamps.precision
@@ -135,10 +135,10 @@ class BoardEquations:
         matrix = _damped(self.cameras[np.ix_(self.free, self.free)], damping) - np.einsum("nik,njk->ij", gain, mixed)
         return matrix, -self.gradient_cameras[self.free] + np.einsum("nik,nk->i", gain, self.gradient_poses)
 
-    def _by_instant(self, rows: CameraRows, values: np.ndarray) -> np.ndarray:
-        """(n, ...) sums of values (m, ...) of the same instant."""
-        result = np.zeros((self.n_instants, *values.shape[1:]))
-        np.add.at(result, rows.instant, values)
+    def _by_time_step(self, rows: CameraRows, values: np.ndarray) -> np.ndarray:
+        """(n, ...) sums of values (m, ...) of the same time step."""
+        result = np.zeros((self.n_time_steps, *values.shape[1:]))
+        np.add.at(result, rows.time_step, values)
         return result
 
 

@@ -13,7 +13,7 @@ from .adjustment import BoardAdjustmentOptions, BoardObservations, BoardState, a
 from .board import Board, BoardView
 from .equations import N_PLACE
 from .start import board_poses, initial_lens
-from .views import BoardInstant, chosen
+from .views import BoardTimeStep, chosen
 
 LEAST_VIEWS = 4  # each gives two constraints to a lens of some five parameters and its distortion
 _FRONTAL_DEG = 5.0  # boards all within this of parallel to the image do not tell the focal length
@@ -71,7 +71,7 @@ def calibrate_lens(
     """
     if len(views) < LEAST_VIEWS:
         raise CalibrationError(name, f"expected the board in at least {LEAST_VIEWS} sharp images, got {len(views)}")
-    used = [instant.views[name] for instant in chosen([BoardInstant({name: view}) for view in views], {}, most_views)]
+    used = [time_step.views[name] for time_step in chosen([BoardTimeStep({name: view}) for view in views], {}, most_views)]
     lens = initial_lens(board, used, image_size, distortion_model)
     used, poses = _posed(board, lens, used)
     if len(used) < LEAST_VIEWS:
@@ -97,8 +97,8 @@ def observations_of(views: Sequence[dict[int, BoardView]], stamps_ns: Sequence[i
 
     Parameters
     ----------
-    views : per instant, camera number -> view.
-    stamps_ns : of the instants; None: time does not matter.
+    views : per time step, camera number -> view.
+    stamps_ns : of the time steps; None: time does not matter.
 
     Returns
     -------

@@ -192,7 +192,7 @@ def write_rig_page(path: str | Path, found: BoardRig, seen: Mapping[str, CameraV
     found : the calibrated rig.
     seen : what each camera saw.
     """
-    together = sum(len(instant.views) > 1 for instant in found.instants)
+    together = sum(len(time_step.views) > 1 for time_step in found.time_steps)
     notes = [
         f"{found.board}. {together} image sets in which several cameras see it; corners fit to"
         f" {rms(found.adjustment.residuals_px):.2f} px (rms). The world is the first camera's place, z up where it is level.",
@@ -248,13 +248,13 @@ def rms(residuals_px: np.ndarray) -> float:
 
 def camera_metrics(found: BoardRig) -> dict[str, CameraMetrics]:
     """Of all cameras. Sigmas take the corners' errors as independent, and are lower bounds therefore."""
-    rows, residuals, state = rows_of(found.rig.names, found.instants), found.adjustment.residuals_px, found.state
+    rows, residuals, state = rows_of(found.rig.names, found.time_steps), found.adjustment.residuals_px, found.state
     result = {}
     for i, name in enumerate(found.rig.names):
         mine = rows.camera == i
         noise = float(1.4826 * np.median(np.abs(residuals[mine])))
         sigma = noise * found.adjustment.sigmas[i]
-        seen = [k for k, instant in enumerate(found.instants) if name in instant.views]
+        seen = [k for k, time_step in enumerate(found.time_steps) if name in time_step.views]
         result[name] = CameraMetrics(
             rows.pixels[mine], residuals[mine], len(seen), float(np.linalg.norm(sigma[:3])), float(np.linalg.norm(sigma[3:6])),
             float(state.clocks_s[i]), float(sigma[CLOCK]), float(np.sqrt(np.mean(state.jitter_s[seen, i] ** 2))), sigma[N_PLACE:],
@@ -266,14 +266,14 @@ def pair_metrics(found: BoardRig) -> dict[tuple[str, str], tuple[int, float]]:
     """(camera, camera) -> image sets with the board in both, and how well the two agree.
 
     That is the rms distance, in the images of both, from corners triangulated by these two alone; as if both images were of the
-    instant, so clocks that have been found do not count.
+    time step, so clocks that have been found do not count.
     """
     names, state = found.rig.names, found.state
-    rows, residuals = rows_of(names, found.instants), found.adjustment.residuals_px
-    pixels = _at_the_instant(found, rows) - residuals
+    rows, residuals = rows_of(names, found.time_steps), found.adjustment.residuals_px
+    pixels = _at_the_time_step(found, rows) - residuals
     table = {
-        (int(camera), int(instant), int(corner)): pixel
-        for camera, instant, corner, pixel in zip(rows.camera, rows.instant, rows.corner, pixels, strict=True)
+        (int(camera), int(time_step), int(corner)): pixel
+        for camera, time_step, corner, pixel in zip(rows.camera, rows.time_step, rows.corner, pixels, strict=True)
     }
     Ts_world_cam = se3.inverse(state.Ts_cam_world)
     result = {}
@@ -288,16 +288,16 @@ def pair_metrics(found: BoardRig) -> dict[tuple[str, str], tuple[int, float]]:
             error = float("nan")
             if valid.any():
                 error = rms((reproject(lenses, Ts, points[valid])[0] - both[valid]).reshape(-1, 2))
-            result[names[a], names[b]] = len({instant for instant, _ in common}), error
+            result[names[a], names[b]] = len({time_step for time_step, _ in common}), error
     return result
 
 
-def _at_the_instant(found: BoardRig, rows: BoardObservations) -> np.ndarray:
-    """(m, 2) where the corners are expected, were all images of one instant."""
+def _at_the_time_step(found: BoardRig, rows: BoardObservations) -> np.ndarray:
+    """(m, 2) where the corners are expected, were all images of one time step."""
     result = np.zeros((len(rows.camera), 2))
     for i, (lens, T) in enumerate(zip(found.state.lenses, found.state.Ts_cam_world, strict=True)):
         mine = np.flatnonzero(rows.camera == i)
-        boards = found.state.Ts_world_board[rows.instant[mine]]
+        boards = found.state.Ts_world_board[rows.time_step[mine]]
         corners = found.board.corners[rows.corner[mine]]
         world = np.einsum("mij,mj->mi", boards[:, :3, :3], corners) + boards[:, :3, 3]
         result[mine] = lens.project(se3.apply(T, world))[0]
@@ -349,7 +349,7 @@ def rig_metrics(found: BoardRig) -> dict[str, float | int]:
     """Flat metrics, ``rig.<camera or pair>.<figure>``."""
     residuals = found.adjustment.residuals_px
     metrics: dict[str, float | int] = {
-        "rig.sets": len(found.instants), "rig.corners": len(residuals), "rig.rms_px": rms(residuals),
+        "rig.sets": len(found.time_steps), "rig.corners": len(residuals), "rig.rms_px": rms(residuals),
         "rig.median_px": float(np.median(np.linalg.norm(residuals, axis=1))), "rig.outliers": len(found.outliers),
         "rig.converged": int(found.adjustment.converged),
     }  # fmt: skip
@@ -375,6 +375,6 @@ def worst_views(found: BoardRig, n: int = 5) -> list[tuple[str, int, float]]:
     -------
     (camera, number of the image, rms px) each, the worst first.
     """
-    errors = view_errors(found.instants, found.adjustment.residuals_px)
+    errors = view_errors(found.time_steps, found.adjustment.residuals_px)
     order = sorted(errors, key=lambda key: -errors[key])[:n]
-    return [(name, found.instants[k].views[name].image, errors[k, name]) for k, name in order]
+    return [(name, found.time_steps[k].views[name].image, errors[k, name]) for k, name in order]

@@ -19,8 +19,8 @@ from .adjustment import BoardAdjustment, BoardState
 from .board import Board, BoardView
 from .intrinsics import calibrate_lens
 from .refinement import BoardRigOptions, refine
-from .start import common_instants, groups, initial_state
-from .views import LEAST_COMMON, BoardInstant, CameraViews, Progress, chosen, group_views, speeds, with_neighbors
+from .start import common_time_steps, groups, initial_state
+from .views import LEAST_COMMON, BoardTimeStep, CameraViews, Progress, chosen, group_views, speeds, with_neighbors
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,15 +30,15 @@ class BoardRig:
     Attributes
     ----------
     rig : the world is the first camera's place, with z up where that camera is level (x forward, y to the left).
-    board, instants : what was used; one camera alone sees the board in some of them.
-    adjustment : the last one; its observations are those of ``instants``. Cameras are in the order of the rig.
+    board, time_steps : what was used; one camera alone sees the board in some of them.
+    adjustment : the last one; its observations are those of ``time_steps``. Cameras are in the order of the rig.
     velocities : (n, 6) of the board, see `adjust_boards`.
     outliers : (camera, view) left out.
     """
 
     rig: CameraRig
     board: Board
-    instants: tuple[BoardInstant, ...]
+    time_steps: tuple[BoardTimeStep, ...]
     adjustment: BoardAdjustment
     velocities: np.ndarray
     outliers: tuple[tuple[str, BoardView], ...]
@@ -61,7 +61,7 @@ def calibrate_rig(
     ----------
     board : the board.
     seen : what each camera saw, in the order of the rig.
-    options : clocks, distortion, selection of instants.
+    options : clocks, distortion, selection of time steps.
     lenses : known beforehand, by camera; with ``free_lenses`` only a start.
     progress : called with (what, steps done, steps in all).
 
@@ -79,24 +79,24 @@ def calibrate_rig(
     if len(names) < 2:
         raise TrackerError(f"expected at least two cameras for a rig, got {len(names)}; `calibrate intrinsics` is for one")
     check_for_rig(board)
-    instants = _instants(seen, options)
+    time_steps = _time_steps(seen, options)
     tell = progress or (lambda what, done, total: None)
     known, singles = _lenses(board, seen, lenses or {}, options, tell)
-    shared = [instant for instant in instants if len(instant.views) > 1]
-    common = chosen(shared, _paces(seen), options.most_instants)
+    shared = [time_step for time_step in time_steps if len(time_step.views) > 1]
+    common = chosen(shared, _paces(seen), options.most_time_steps)
     if options.clocks != "exact":
         common = with_neighbors(common, shared)
     _check_linked(names, common)
-    used = {(name, view.image) for instant in common for name, view in instant.views.items()}
-    alone = [BoardInstant({name: view}) for name, views in singles.items() for view in views if (name, view.image) not in used]
+    used = {(name, view.image) for time_step in common for name, view in time_step.views.items()}
+    alone = [BoardTimeStep({name: view}) for name, views in singles.items() for view in views if (name, view.image) not in used]
     found = refine(board, names, initial_state(board, names, known, common), common, alone, options, tell)
-    _check_linked(names, found.instants)
+    _check_linked(names, found.time_steps)
     state = found.adjustment.state
     cameras = tuple(
         Camera(name, lens, se3.inverse(T)) for name, lens, T in zip(names, state.lenses, state.Ts_cam_world, strict=True)
     )
     rig = first_camera_world(CameraRig(cameras))
-    return BoardRig(rig, board, found.instants, found.adjustment, found.velocities, found.outliers)
+    return BoardRig(rig, board, found.time_steps, found.adjustment, found.velocities, found.outliers)
 
 
 def check_for_rig(board: Board) -> None:
@@ -115,25 +115,25 @@ def first_camera_world(rig: CameraRig) -> CameraRig:
     return replace(rig, cameras=tuple(replace(camera, T_world_cam=T @ camera.T_world_cam) for camera in rig))
 
 
-def _instants(seen: Mapping[str, CameraViews], options: BoardRigOptions) -> list[BoardInstant]:
+def _time_steps(seen: Mapping[str, CameraViews], options: BoardRigOptions) -> list[BoardTimeStep]:
     """Views brought together.
 
     Raises
     ------
     TrackerError : cameras that do not hang together.
     """
-    instants = group_views({name: found.views for name, found in seen.items()}, _tolerance_s(seen, options))
-    _check_linked(list(seen), instants)
-    return instants
+    time_steps = group_views({name: found.views for name, found in seen.items()}, _tolerance_s(seen, options))
+    _check_linked(list(seen), time_steps)
+    return time_steps
 
 
-def _check_linked(names: Sequence[str], instants: Sequence[BoardInstant]) -> None:
-    parts = groups(names, common_instants(names, instants), LEAST_COMMON)
+def _check_linked(names: Sequence[str], time_steps: Sequence[BoardTimeStep]) -> None:
+    parts = groups(names, common_time_steps(names, time_steps), LEAST_COMMON)
     if len(parts) > 1:
         text = " and ".join("{" + ", ".join(part) + "}" for part in parts)
         what = "the board was never seen by two cameras together" if all(len(p) == 1 for p in parts) else "the cameras fall apart"
         raise TrackerError(
-            f"{what}: {text} are not linked by at least {LEAST_COMMON} images of one instant with the board in both;"
+            f"{what}: {text} are not linked by at least {LEAST_COMMON} images of one time step with the board in both;"
             " hold it where cameras of both see it, and check that their stamps are of one clock"
         )
 

@@ -13,7 +13,7 @@ from ...camera.model import CameraModel
 from ...geometry import se3, so3
 from .adjustment import BoardState
 from .board import Board, BoardView
-from .views import BoardInstant, spanning_tree
+from .views import BoardTimeStep, spanning_tree
 
 _FOCAL_STEPS = np.geomspace(0.25, 4.0, 33)  # tried focal lengths, in image widths
 _LARGE_PX = 1e6  # error of a pose that does not explain the view at all
@@ -84,19 +84,19 @@ def board_poses(board: Board, lens: CameraModel, view: BoardView) -> tuple[list[
     return [poses[i] for i in order], [errors[i] for i in order] or [_LARGE_PX]
 
 
-def common_instants(names: Sequence[str], instants: Sequence[BoardInstant]) -> np.ndarray:
-    """Number of instants in which two cameras both see the board.
+def common_time_steps(names: Sequence[str], time_steps: Sequence[BoardTimeStep]) -> np.ndarray:
+    """Number of time steps in which two cameras both see the board.
 
     Parameters
     ----------
     names : of the c cameras.
-    instants : with views by camera name.
+    time_steps : with views by camera name.
 
     Returns
     -------
     (c, c) symmetric; each camera's own number on the diagonal.
     """
-    seen = np.array([[name in instant.views for name in names] for instant in instants], dtype=int).reshape(-1, len(names))
+    seen = np.array([[name in time_step.views for name in names] for time_step in time_steps], dtype=int).reshape(-1, len(names))
     return seen.T @ seen
 
 
@@ -106,8 +106,8 @@ def groups(names: Sequence[str], common: np.ndarray, least: int = 1) -> list[lis
     Parameters
     ----------
     names : of the c cameras.
-    common : (c, c) instants that two share.
-    least : instants that link two cameras.
+    common : (c, c) time steps that two share.
+    least : time steps that link two cameras.
 
     Returns
     -------
@@ -120,16 +120,16 @@ def groups(names: Sequence[str], common: np.ndarray, least: int = 1) -> list[lis
 
 
 def initial_state(
-    board: Board, names: Sequence[str], lenses: Mapping[str, CameraModel], instants: Sequence[BoardInstant]
+    board: Board, names: Sequence[str], lenses: Mapping[str, CameraModel], time_steps: Sequence[BoardTimeStep]
 ) -> BoardState:
-    """Places of all cameras along the tree of the pairs that share most instants, and of all boards.
+    """Places of all cameras along the tree of the pairs that share most time steps, and of all boards.
 
     Parameters
     ----------
     board : the board.
     names : of the cameras; the first one is the origin.
     lenses : by camera.
-    instants : with views by camera name.
+    time_steps : with views by camera name.
 
     Returns
     -------
@@ -139,55 +139,57 @@ def initial_state(
     ------
     ValueError : cameras that do not hang together (see `groups`).
     """
-    poses = [{name: board_poses(board, lenses[name], view)[0] for name, view in instant.views.items()} for instant in instants]
-    common = common_instants(names, instants)
+    poses = [
+        {name: board_poses(board, lenses[name], view)[0] for name, view in time_step.views.items()} for time_step in time_steps
+    ]
+    common = common_time_steps(names, time_steps)
     tree = spanning_tree(common)
     order, before = breadth_first_order(tree + tree.T, 0, directed=False)
     if len(order) < len(names):
         raise ValueError(f"expected cameras that hang together, got {groups(names, common)}")
     Ts_cam_world = np.tile(np.eye(4), (len(names), 1, 1))
     for i in order[1:]:
-        T = _relative(board, lenses, instants, poses, names[i], names[before[i]])
+        T = _relative(board, lenses, time_steps, poses, names[i], names[before[i]])
         Ts_cam_world[i] = T @ Ts_cam_world[before[i]]
     ordered = tuple(lenses[name] for name in names)
-    boards = place_boards(board, names, BoardState.at(ordered, Ts_cam_world, np.zeros((0, 4, 4))), instants)
+    boards = place_boards(board, names, BoardState.at(ordered, Ts_cam_world, np.zeros((0, 4, 4))), time_steps)
     return BoardState.at(ordered, Ts_cam_world, boards)
 
 
-def place_boards(board: Board, names: Sequence[str], state: BoardState, instants: Sequence[BoardInstant]) -> np.ndarray:
-    """Pose of the board at every instant: of the poses that single views allow, the one with the least error in all of them.
+def place_boards(board: Board, names: Sequence[str], state: BoardState, time_steps: Sequence[BoardTimeStep]) -> np.ndarray:
+    """Pose of the board at every time step: of the poses that single views allow, the one with the least error in all of them.
 
     Parameters
     ----------
     board : the board.
     names : of the cameras, in the order of the state.
     state : lenses and places of the cameras.
-    instants : with views by camera name.
+    time_steps : with views by camera name.
 
     Returns
     -------
     (n, 4, 4) T_world_board.
     """
-    result = np.tile(np.eye(4), (len(instants), 1, 1))
+    result = np.tile(np.eye(4), (len(time_steps), 1, 1))
     index = {name: i for i, name in enumerate(names)}
-    for k, instant in enumerate(instants):
+    for k, time_step in enumerate(time_steps):
         best = np.inf
-        for name, view in instant.views.items():
+        for name, view in time_step.views.items():
             i = index[name]
             for T in board_poses(board, state.lenses[i], view)[0]:
                 T_world_board = se3.inverse(state.Ts_cam_world[i]) @ T
                 error = sum(
                     _error(board, state.lenses[index[n]], state.Ts_cam_world[index[n]] @ T_world_board, v)
-                    for n, v in instant.views.items()
+                    for n, v in time_step.views.items()
                 )
                 if error < best:
                     best, result[k] = error, T_world_board
     return result
 
 
-def _relative(board: Board, lenses, instants, poses, a: str, b: str) -> np.ndarray:
-    """T_a_b: of what single instants say, the one that explains b's boards in a's images best at most instants."""
-    shared = [(i.views[a], p[a], p[b]) for i, p in zip(instants, poses, strict=True) if a in i.views and b in i.views]
+def _relative(board: Board, lenses, time_steps, poses, a: str, b: str) -> np.ndarray:
+    """T_a_b: of what single time steps say, the one that explains b's boards in a's images best at most time steps."""
+    shared = [(i.views[a], p[a], p[b]) for i, p in zip(time_steps, poses, strict=True) if a in i.views and b in i.views]
     shared = [entry for entry in shared if entry[1] and entry[2]]
     candidates = [T_a @ se3.inverse(T_b) for _, in_a, in_b in shared for T_a in in_a for T_b in in_b]
     if not candidates:

@@ -19,7 +19,7 @@ from ...parallel import Workers
 from .board import Board, BoardDetector, BoardView
 
 NS_PER_S = 1e9
-LEAST_COMMON = 2  # instants that link two cameras
+LEAST_COMMON = 2  # time steps that link two cameras
 LONGEST_GAP_S = 0.3  # beyond it nothing is said about how a board moved between two images
 BURST = 3  # successive images processed, which show how the board moves
 _BACK = "its mirrored back is, which is not measured from: show this camera the printed side together with another camera"
@@ -30,8 +30,8 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class BoardInstant:
-    """One instant: what the cameras (by name) that found the board saw; ``stamp_ns`` is the mean of theirs."""
+class BoardTimeStep:
+    """One time step: what the cameras (by name) that found the board saw; ``stamp_ns`` is the mean of theirs."""
 
     views: Mapping[str, BoardView]
 
@@ -41,13 +41,13 @@ class BoardInstant:
         return min(stamps) + round(float(np.mean([stamp - min(stamps) for stamp in stamps])))
 
 
-def group_views(views: Mapping[str, Sequence[BoardView]], tolerance_s: float) -> list[BoardInstant]:
-    """Group the views of one instant.
+def group_views(views: Mapping[str, Sequence[BoardView]], tolerance_s: float) -> list[BoardTimeStep]:
+    """Group the views of one time step.
 
     Parameters
     ----------
     views : camera -> its views.
-    tolerance_s : views this near to the earliest of an instant belong to it, one of each camera.
+    tolerance_s : views this near to the earliest of a time step belong to it, one of each camera.
 
     Returns
     -------
@@ -55,14 +55,14 @@ def group_views(views: Mapping[str, Sequence[BoardView]], tolerance_s: float) ->
     """
     waiting = [(view.stamp_ns, name, view) for name, found in views.items() for view in found]
     waiting.sort(key=lambda entry: entry[:2])
-    instants: list[dict[str, BoardView]] = []
+    time_steps: list[dict[str, BoardView]] = []
     began = 0
     for stamp_ns, name, view in waiting:
-        if not instants or stamp_ns - began > tolerance_s * NS_PER_S or name in instants[-1]:
-            instants.append({})
+        if not time_steps or stamp_ns - began > tolerance_s * NS_PER_S or name in time_steps[-1]:
+            time_steps.append({})
             began = stamp_ns
-        instants[-1][name] = view
-    return [BoardInstant(group) for group in instants]
+        time_steps[-1][name] = view
+    return [BoardTimeStep(group) for group in time_steps]
 
 
 def speeds(views: Sequence[BoardView], longest_s: float = LONGEST_GAP_S) -> np.ndarray:
@@ -90,20 +90,20 @@ def speeds(views: Sequence[BoardView], longest_s: float = LONGEST_GAP_S) -> np.n
 
 
 def spanning_tree(common: np.ndarray) -> csr_matrix:
-    """The tree of the pairs of cameras that share most instants, from how many each two share (c, c); half of it is filled."""
+    """The tree of the pairs of cameras that share most time steps, from how many each two share (c, c); half of it is filled."""
     return minimum_spanning_tree(csr_matrix(np.where(np.triu(common, 1) > 0, 1.0 / np.maximum(common, 1), 0.0)))
 
 
-def chosen(instants: Sequence[BoardInstant], speed: Mapping[tuple[str, int], float], most: int) -> list[BoardInstant]:
-    """Select instants: seen by many cameras, still, and unlike those already selected.
+def chosen(time_steps: Sequence[BoardTimeStep], speed: Mapping[tuple[str, int], float], most: int) -> list[BoardTimeStep]:
+    """Select time steps: seen by many cameras, still, and unlike those already selected.
 
     First those that link the cameras (`LEAST_COMMON` for each pair of the `spanning_tree`, even if these are more than ``most``).
-    Then greedy: each takes the instant that adds most. A camera counts for an instant by how far its view lies from the views of
-    that camera already chosen (of the board's size in the image), and less the quicker the board moves.
+    Then greedy: each takes the time step that adds most. A camera counts for a time step by how far its view lies from the views
+    of that camera already chosen (of the board's size in the image), and less the quicker the board moves.
 
     Parameters
     ----------
-    instants : to select from, in order of time.
+    time_steps : to select from, in order of time.
     speed : (camera, image) -> px/s, see `speeds`.
     most : how many at most.
 
@@ -111,12 +111,14 @@ def chosen(instants: Sequence[BoardInstant], speed: Mapping[tuple[str, int], flo
     -------
     In order of time.
     """
-    if len(instants) <= most:
-        return list(instants)
-    names = sorted({name for instant in instants for name in instant.views})
-    seen = np.array([[name in instant.views for name in names] for instant in instants])
-    places = np.array([[_place(instant.views[n]) if n in instant.views else np.zeros(4) for n in names] for instant in instants])
-    pace = np.array([[speed.get((n, i.views[n].image), np.nan) if n in i.views else np.nan for n in names] for i in instants])
+    if len(time_steps) <= most:
+        return list(time_steps)
+    names = sorted({name for time_step in time_steps for name in time_step.views})
+    seen = np.array([[name in time_step.views for name in names] for time_step in time_steps])
+    places = np.array(
+        [[_place(time_step.views[n]) if n in time_step.views else np.zeros(4) for n in names] for time_step in time_steps]
+    )
+    pace = np.array([[speed.get((n, i.views[n].image), np.nan) if n in i.views else np.nan for n in names] for i in time_steps])
     usual = float(np.nanmedian(pace)) if np.isfinite(pace).any() else 0.0
     still = seen / (1.0 + np.nan_to_num(pace, nan=0.0) / max(usual, 1e-9))
     nearest = np.ones(seen.shape)  # distance to the nearest chosen view of the same camera, one board at most
@@ -136,7 +138,7 @@ def chosen(instants: Sequence[BoardInstant], speed: Mapping[tuple[str, int], flo
             take(np.where(both, (still * nearest)[:, [a, b]].sum(axis=1), -1.0))
     while len(taken) < most:
         take((still * nearest).sum(axis=1) * (seen.sum(axis=1) - 0.5))
-    return [instants[i] for i in sorted(taken)]
+    return [time_steps[i] for i in sorted(taken)]
 
 
 def _place(view: BoardView) -> np.ndarray:
@@ -146,45 +148,45 @@ def _place(view: BoardView) -> np.ndarray:
     return np.array([*(0.5 * view.pixels.mean(axis=0) / size), np.log(size), 2.0 * float(np.mean(offsets[:, 0] * offsets[:, 1]))])
 
 
-def with_neighbors(some: Sequence[BoardInstant], instants: Sequence[BoardInstant]) -> list[BoardInstant]:
-    """Instants with those just before and after them, which tell how the board moves.
+def with_neighbors(some: Sequence[BoardTimeStep], time_steps: Sequence[BoardTimeStep]) -> list[BoardTimeStep]:
+    """Time steps with those just before and after them, which tell how the board moves.
 
     Parameters
     ----------
-    some : selected instants.
-    instants : all of them, in order of time.
+    some : selected time steps.
+    time_steps : all of them, in order of time.
 
     Returns
     -------
     In order of time.
     """
-    taken = {id(instant) for instant in some}
+    taken = {id(time_step) for time_step in some}
     kept = []
-    for k, instant in enumerate(instants):
-        around = [instants[j] for j in (k - 1, k + 1) if 0 <= j < len(instants)]
-        near = [other for other in around if abs(other.stamp_ns - instant.stamp_ns) <= LONGEST_GAP_S * NS_PER_S]
-        if id(instant) in taken or any(id(other) in taken for other in near):
-            kept.append(instant)
+    for k, time_step in enumerate(time_steps):
+        around = [time_steps[j] for j in (k - 1, k + 1) if 0 <= j < len(time_steps)]
+        near = [other for other in around if abs(other.stamp_ns - time_step.stamp_ns) <= LONGEST_GAP_S * NS_PER_S]
+        if id(time_step) in taken or any(id(other) in taken for other in near):
+            kept.append(time_step)
     return kept
 
 
-def velocities(instants: Sequence[BoardInstant], Ts_world_board: np.ndarray) -> np.ndarray:
+def velocities(time_steps: Sequence[BoardTimeStep], Ts_world_board: np.ndarray) -> np.ndarray:
     """Velocities of the board from its poses before and after.
 
-    Zero where no other pose is within `LONGEST_GAP_S`. Instants need not be in order of time.
+    Zero where no other pose is within `LONGEST_GAP_S`. Time steps need not be in order of time.
 
     Parameters
     ----------
-    instants : n of them, in any order.
+    time_steps : n of them, in any order.
     Ts_world_board : (n, 4, 4).
 
     Returns
     -------
     (n, 6) twists (v, omega) a second, in the board's frame; zero where no other pose is within `LONGEST_GAP_S`.
     """
-    result = np.zeros((len(instants), 6))
-    stamps = [instant.stamp_ns for instant in instants]
-    order = sorted(range(len(instants)), key=lambda k: stamps[k])
+    result = np.zeros((len(time_steps), 6))
+    stamps = [time_step.stamp_ns for time_step in time_steps]
+    order = sorted(range(len(time_steps)), key=lambda k: stamps[k])
     for place, k in enumerate(order):
         around = [order[j] for j in (place - 1, place + 1) if 0 <= j < len(order)]
         near = [j for j in around if 0 < abs(stamps[j] - stamps[k]) <= LONGEST_GAP_S * NS_PER_S]

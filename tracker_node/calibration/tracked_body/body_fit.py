@@ -121,7 +121,7 @@ def fit_body(
     options : what of the body may change, priors, rounds.
     progress : called with what is done, how often it has been done, and how often it will be.
     evidence : of the contours; default: the colors on either side of them, without images of the empty scene.
-    velocities : (n_dof,) tangent a second of every set, for cameras that do not expose at one instant.
+    velocities : (n_dof,) tangent a second of every set, for cameras that do not expose at one time.
 
     Returns
     -------

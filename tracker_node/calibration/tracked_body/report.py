@@ -26,7 +26,7 @@ def before_and_after(
     image_sets: Sequence[ImageSet],
     before: tuple[ArticulatedModel, CameraRig, Sequence[State]],
     after: tuple[ArticulatedModel, CameraRig, Sequence[State]],
-    instants: int = 2,
+    time_steps: int = 2,
 ) -> list[PageSection]:
     """Both bodies over the images of some sets, before to the left, cut out around them.
 
@@ -34,14 +34,14 @@ def before_and_after(
     ----------
     image_sets : images that were fitted.
     before, after : body, rig, and states of all sets.
-    instants : image sets that are shown.
+    time_steps : image sets that are shown.
 
     Returns
     -------
     One section a camera and set.
     """
     pictures = []
-    for k in np.unique(np.linspace(0, len(image_sets) - 1, min(instants, len(image_sets)) + 2).round().astype(int)[1:-1]):
+    for k in np.unique(np.linspace(0, len(image_sets) - 1, min(time_steps, len(image_sets)) + 2).round().astype(int)[1:-1]):
         for i, camera in enumerate(after[1]):
             image = image_sets[k].get(camera.name)
             if image is None:

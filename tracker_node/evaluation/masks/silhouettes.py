@@ -25,7 +25,7 @@ from ..evaluate import SilhouetteScores, image_numbers
 from ..metrics import intersection_over_union
 from .reference import CameraMasks, read_still
 
-SAME_INSTANT = 0.45  # images: how far an image's stamp may be from that of its set
+SAME_TIME_STEP = 0.45  # images: how far an image's stamp may be from that of its set
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +203,7 @@ def _bag_images(task: _Task, camera: Camera, wanted: set[int], bag: Path) -> Ite
         for image in camera_images(reader, topics):
             offset = (image.stamp_ns - int(task.run.stamps_ns[0])) / task.period_ns
             number = round(offset) + task.options.first_image
-            if number in wanted and abs(offset - round(offset)) < SAME_INSTANT:
+            if number in wanted and abs(offset - round(offset)) < SAME_TIME_STEP:
                 same = (image.bgr.shape[1], image.bgr.shape[0]) == size
                 yield number, image.bgr if same else cv2.resize(image.bgr, size, interpolation=cv2.INTER_AREA)
 

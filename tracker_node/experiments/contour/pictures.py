@@ -36,7 +36,7 @@ _CAMERAS_IN_ROW = 3
 _ROW_MARGIN_PX = 45  # around what is shown of an image
 COLORS = {"silhouette": BLUE, "edges": ORANGE, "sum": RED, "split": GREEN, "region": BLACK}
 PICTURED = "split"  # the method whose poses are drawn: those of the paper lose a quick body
-_INSTANTS = 6
+_TIME_STEPS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ def _evidence_figure(shot: Shot) -> Figure:
 
 
 def _cameras_figure(shots: Sequence[Shot]) -> Figure:
-    """One instant in several cameras (Fig. 5), with the contours of the body where it was found."""
+    """One time step in several cameras (Fig. 5), with the contours of the body where it was found."""
     boxes = [_box([shot]) for shot in shots]
     height, width = (max(box[i + 1] - box[i] for box in boxes) for i in (0, 2))
     n_rows = -(-len(shots) // _CAMERAS_IN_ROW)
@@ -306,7 +306,7 @@ def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSe
 
 
 def sequence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSection]:
-    """Fig. 6, of instants over the whole clip, in its first camera.
+    """Fig. 6, of time steps over the whole clip, in its first camera.
 
     Parameters
     ----------
@@ -319,7 +319,7 @@ def sequence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSe
     Sections of the report.
     """
     n, camera = len(run.estimates), clip.rig.cameras[0]
-    numbers = sorted({round(i) for i in np.linspace(n / (2 * _INSTANTS), n - 1, _INSTANTS)})
+    numbers = sorted({round(i) for i in np.linspace(n / (2 * _TIME_STEPS), n - 1, _TIME_STEPS)})
     shots, titles = _sequence(clip, run, camera, numbers)
     if not shots:
         return []

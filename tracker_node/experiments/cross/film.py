@@ -1,6 +1,6 @@
 """Films a thrown cross as analog interlaced video.
 
-Every field is drawn at its own instant over a still background, goes through the faults of camera and tape, and is woven with the
+Every field is drawn at its own time over a still background, goes through the faults of camera and tape, and is woven with the
 next one into an image.
 """
 
@@ -27,11 +27,11 @@ class Footage:
     n_fields: int
 
     def interpolated(self, field: int) -> list[np.ndarray]:
-        """Every camera's image of one instant at full height, missing lines interpolated."""
+        """Every camera's image of one time step at full height, missing lines interpolated."""
         return [interpolate_lines(own, first_line(field)) for own in self.own_lines(field)]
 
     def own_lines(self, field: int) -> list[np.ndarray]:
-        """Every camera's field of one instant at half height: the lines that were exposed."""
+        """Every camera's field of one time step at half height: the lines that were exposed."""
         return [np.ascontiguousarray(separate_fields(camera[field // 2])[field % 2]) for camera in self.images]
 
 

@@ -206,7 +206,7 @@ def digitized_state(model: ArticulatedModel, clicks: Clicks, parameters: np.ndar
     Parameters
     ----------
     model : with landmarks.
-    clicks : of one instant.
+    clicks : of one time step.
     parameters : (n_cameras, 11) DLT parameters.
 
     Returns

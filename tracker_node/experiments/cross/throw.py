@@ -35,7 +35,7 @@ SHORT_SECTION = (0.045, 0.080)  # thickness (x) and breadth (z)
 
 @dataclass(frozen=True, eq=False)
 class CrossTrial:
-    """One throw: ``n_fields`` instants of video, the first at ``start_s`` of the ``flight``."""
+    """One throw: ``n_fields`` time steps of video, the first at ``start_s`` of the ``flight``."""
 
     name: str
     n_fields: int

@@ -18,7 +18,7 @@ from ..decoding import SourceImage
 from .recorded_source import ImageSource
 
 _AHEAD = 3  # decoded images that wait, per camera
-_SAME_INSTANT = 0.4  # of the shortest image period
+_SAME_TIME = 0.4  # of the shortest image period
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class ImageFeed:
         self._sources = dict(sources)
         shortest_s = min((1.0 / source.rate_hz for source in self._sources.values()), default=1.0)
         self.period_s = shortest_s
-        self._tolerance_ns = round(_SAME_INSTANT * shortest_s * 1e9)
+        self._tolerance_ns = round(_SAME_TIME * shortest_s * 1e9)
         self.reports = {camera: SourceReport() for camera in self._sources}
         self._stop = threading.Event()
         self._queues: dict[str, queue.Queue] = {camera: queue.Queue(_AHEAD) for camera in self._sources}

@@ -111,13 +111,13 @@ class InterlacedSource(ImageSource):
         self._woven.counts = self.counts
         for i, content in self._woven._read(start // 2, (end + 1) // 2):
             image = self._woven._prepared(0, content).bgr
-            for number, instant in enumerate(deinterlace(image, self._order), start=2 * i):
+            for number, field in enumerate(deinterlace(image, self._order), start=2 * i):
                 if start <= number < end:
-                    yield number, (instant, image if self.options.keep and number == 2 * i else None)
+                    yield number, (field, image if self.options.keep and number == 2 * i else None)
 
     def _prepared(self, stamp_ns: int, content: Any) -> SourceImage:
-        instant, woven = content
-        return replace(super()._prepared(stamp_ns, instant), original=woven)
+        field, woven = content
+        return replace(super()._prepared(stamp_ns, field), original=woven)
 
 
 def open_source(path: str | Path, options: SourceOptions | None = None, **changes) -> ImageSource:

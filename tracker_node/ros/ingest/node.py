@@ -190,28 +190,28 @@ class CameraIngestNode(GuardedNode):
     def _publish_all(self, feed: ImageFeed) -> bool:
         """Until the sources end or we are stopped; True if the consumer has answered for everything."""
         clock = Pace()
-        for instant in feed:
+        for feed_set in feed:
             if self._stop.is_set():
                 return False
             if self._window is not None:
                 if not self._window.wait():
                     return False
-                self._window.sent(instant.stamp_ns, complete=len(instant.images) == len(self._recorded))
-                self._publish(instant)
+                self._window.sent(feed_set.stamp_ns, complete=len(feed_set.images) == len(self._recorded))
+                self._publish(feed_set)
                 continue
-            lateness_s = clock.wait(instant.stamp_ns, self._stop)
+            lateness_s = clock.wait(feed_set.stamp_ns, self._stop)
             shift_ns = clock.epoch_ns if self._options.live_stamps else 0
             if self._options.frame_skip and lateness_s > feed.period_s:
-                feed.skip_before(instant.stamp_ns + round(1e9 * lateness_s))
+                feed.skip_before(feed_set.stamp_ns + round(1e9 * lateness_s))
             if self._options.frame_skip and lateness_s > feed.period_s and feed.next_is_ready:
-                for image in instant.images:
+                for image in feed_set.images:
                     self._recorded[image.camera].dropped += 1
             elif not self._stop.is_set():
-                self._publish(instant, shift_ns, late=lateness_s > 0.5 * feed.period_s)
+                self._publish(feed_set, shift_ns, late=lateness_s > 0.5 * feed.period_s)
         return self._window is not None and self._window.wait_for_all()
 
-    def _publish(self, instant: FeedSet, shift_ns: int = 0, late: bool = False) -> None:
-        for fed in instant.images:
+    def _publish(self, feed_set: FeedSet, shift_ns: int = 0, late: bool = False) -> None:
+        for fed in feed_set.images:
             outlet, source, image = self._outlets[fed.camera], self._opened.recorded[fed.camera], fed.image
             stamp_ns = image.stamp_ns + shift_ns
             if self._recorder is not None and image.original is not None:

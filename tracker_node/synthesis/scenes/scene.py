@@ -199,7 +199,7 @@ class Studio:
         return self.imaging[index].expose(self._backgrounds[index], self._rng(index, -1 - image_number))
 
     def images(self, subject: ColoredMesh, image_number: int) -> list[np.ndarray]:
-        """Images of the subject in the room by every camera, at one instant.
+        """Images of the subject in the room by every camera, at one time step.
 
         Parameters
         ----------

@@ -63,7 +63,7 @@ COLORS_RGB = {
 
 @dataclass(frozen=True, eq=False)
 class PosedBody:
-    """One instant: ``vertices`` (24256, 3) and ``landmarks`` (14, 3) in the order of `LANDMARKS`, meters, world with Z up."""
+    """One time step: ``vertices`` (24256, 3) and ``landmarks`` (14, 3) in the order of `LANDMARKS`, meters, world with Z up."""
 
     vertices: np.ndarray
     landmarks: np.ndarray
