@@ -62,6 +62,7 @@ def _tracked(recording: Recording, output: Path, progress: Progress | None) -> R
         initial_state=recording.initial_state,
         occluders=recording.occluders,
         source_options=recording.images,
+        detection=recording.detection,
         masks=recording.masks,
         through_masks=recording.through_masks,
         named_options=recording.named_options(),

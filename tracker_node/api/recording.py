@@ -17,6 +17,7 @@ from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..runs.config_file import load_config
+from ..runs.detection import DetectionOptions
 from ..runs.image_sets import ImageSetStream, SourceStream
 from ..tracking.config import TrackerConfig
 
@@ -33,6 +34,7 @@ class Recording:
     initial_state : where the body is in the first images; None: it is searched for in them.
     occluders : fixed things that may hide the body, in world axes.
     images : which images of the sources, at which rate and size.
+    detection : how people are found in the images, where `keypoints` is among the modalities.
     masks : record the body's silhouette in every camera, too.
     through_masks : record the images as seen through that silhouette, too.
     output : folder that ``recording.yaml`` names; None: none.
@@ -50,6 +52,7 @@ class Recording:
     initial_state: State | None = None
     occluders: ArticulatedModel | None = None
     images: SourceOptions = field(default_factory=SourceOptions)
+    detection: DetectionOptions = field(default_factory=DetectionOptions)
     masks: bool = False
     through_masks: bool = False
     output: Path | None = None
@@ -77,6 +80,8 @@ class Recording:
             "resize": None if size is None else list(size),
             "shrink": self.images.shrink,
             "base_stamp_ns": self.images.base_stamp_ns,
+            "keypoints_weights": None if self.detection.weights is None else str(self.detection.weights),
+            "keypoints_every": self.detection.every_sets,
             "masks": self.masks,
             "through_masks": self.through_masks,
         }

@@ -16,6 +16,7 @@ from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:
     from ..loaders.images.source import SourceOptions
+    from ..runs.detection import DetectionOptions
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
 EXAMPLE = """tracker_node track --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
@@ -70,6 +71,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also write states, velocities and covariances in the light of what came after them, into OUTPUT/smoothed;"
         " LAG: of the next so many seconds (default: of the whole recording)",
     )  # fmt: skip
+    points = parser.add_argument_group("points of people, where keypoints is among the modalities")
+    points.add_argument(
+        "--keypoints-weights", type=Path, metavar="FILE",
+        help="weights of the network that finds points, such as pose_landmark_heavy.tflite (default: full, which is fetched)",
+    )  # fmt: skip
+    points.add_argument(
+        "--keypoints-every", type=int, default=1, metavar="N", help="look for people in every N-th image set (default: 1)"
+    )
     parser.add_argument("--masks", action="store_true", help="also record the model's silhouette in every camera")
     parser.add_argument("--through-masks", action="store_true", help="also record the images as seen through that silhouette")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
@@ -110,6 +119,7 @@ def run(args: argparse.Namespace) -> int:
             source_options=_source_options(args),
             max_sets=args.max_sets,
             smooth_s=_lag(args.smooth),
+            detection=_detection(args),
             masks=args.masks,
             through_masks=args.through_masks,
             named_options=named_options(args),
@@ -150,6 +160,16 @@ def _source_options(args: argparse.Namespace) -> SourceOptions:
         )
     except ValueError as error:
         raise TrackerError(f"--start, --end, --rate, --resize, --shrink: {error}") from None
+
+
+def _detection(args: argparse.Namespace) -> DetectionOptions:
+    from ..errors import FileFormatError
+    from ..runs.detection import DetectionOptions
+
+    try:
+        return DetectionOptions(args.keypoints_weights, args.keypoints_every)
+    except ValueError:
+        raise FileFormatError("command line", "--keypoints-every", "a whole number, 1 or more", args.keypoints_every) from None
 
 
 def _lag(seconds: float | None) -> float | None:

@@ -29,6 +29,10 @@ class Steppable(Protocol):
         """
 
 
+Prepare = Callable[[Any, ImageSet], ImageSet]
+"""Adds to an image set what a tracker (the first argument) will need of it."""
+
+
 @dataclass(frozen=True, eq=False)
 class StartRequest:
     """How the tracker is to begin with the next image set, and the state at which; None: not at a given one.
@@ -47,18 +51,23 @@ class TrackingLoop:
 
     `SetFormation` makes the sets of images; whoever runs the loop says where images come from and where estimates go.
 
+    Parameters
+    ----------
+    tracker : None while it cannot be made.
+    prepare : called before each step; None: image sets are tracked as they come.
+
     Attributes
     ----------
     tracker : None while it cannot be made.
-    tracked : the latest estimate of a tracker since it began.
+    tracked, tracked_set : the latest estimate of a tracker since it began; its image set, as it was tracked.
     request : how the tracker was asked to begin; None once it has tracked an image set since.
     """
 
-    def __init__(self, tracker: Steppable | None = None):
-        self.tracker = tracker
+    def __init__(self, tracker: Steppable | None = None, prepare: Prepare | None = None):
+        self.tracker, self._prepare = tracker, prepare
         self.tracked: TrackEstimate | None = None
         self.request: StartRequest | None = None
-        self._tracked_set: ImageSet | None = None
+        self.tracked_set: ImageSet | None = None
         self._last_ns: int | None = None
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
@@ -72,18 +81,20 @@ class TrackingLoop:
             raise TrackerError("there is no tracker yet")
         if self._last_ns is not None and image_set.stamp_ns < self._last_ns:
             self.tracker.reset()  # a recording began again
-            self.tracked = self._tracked_set = None
+            self.tracked = self.tracked_set = None
             if self.request is not None:
                 self.request.tell(self.tracker)
         self._last_ns = image_set.stamp_ns
-        self.tracked, self._tracked_set = self.tracker.step(image_set), image_set
+        if self._prepare is not None:
+            image_set = self._prepare(self.tracker, image_set)
+        self.tracked, self.tracked_set = self.tracker.step(image_set), image_set
         self.request = None
         return self.tracked
 
     def begin(self, request: StartRequest) -> None:
         """The next image set is begun as requested, also if a reset or another tracker comes before it."""
         if request.forgets_state:
-            self.tracked = self._tracked_set = None
+            self.tracked = self.tracked_set = None
         if request.forgets_clock:
             self._last_ns = None
         self.request = request
@@ -105,10 +116,10 @@ class TrackingLoop:
     def _taken_over(self, tracker: Steppable, old: Steppable | None) -> bool:
         """Whether a new tracker knows where the body is; else it looks around there, which takes a second."""
         assert self.tracked is not None
-        if old is None or self._tracked_set is None or self.tracked.status is Status.LOST:
+        if old is None or self.tracked_set is None or self.tracked.status is Status.LOST:
             return False
         try:
-            tracker.take_over(old, self._tracked_set)
+            tracker.take_over(old, self.tracked_set)
         except TrackerError:  # the images are of another size than its cameras
             return False
         return True

@@ -14,16 +14,18 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import TrackerError
+from ..loaders.bag.message_types import KEYPOINTS as KEYPOINTS_MESSAGE
 from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..report.metrics_file import command_line, cpu, versions
-from ..tracking.config import TrackerConfig, flatten
+from ..tracking.config import KEYPOINTS, TrackerConfig, flatten
 from ..tracking.estimate import GRAY_LEVELS, PX, Status, TrackEstimate
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.observability import unobservable
+from .detection import DetectionOptions, PeopleDetection
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import run_stream
 from .load import run_info
@@ -47,6 +49,7 @@ class OfflineRun:
     source_options : which images of the rig's sources.
     max_sets : stop after so many sets.
     smooth_s : smooth the states with so many seconds of what came after them; infinite: with all of it; None: not at all.
+    detection : how people are found, where `keypoints` is among the modalities.
     masks, through_masks : record the model's silhouettes, and the images as seen through them.
     named_options : what the user gave, for ``run.json``.
     """
@@ -61,6 +64,7 @@ class OfflineRun:
     source_options: SourceOptions = field(default_factory=SourceOptions)
     max_sets: int | None = None
     smooth_s: float | None = None
+    detection: DetectionOptions = field(default_factory=DetectionOptions)
     masks: bool = False
     through_masks: bool = False
     named_options: dict[str, Any] = field(default_factory=dict)
@@ -98,18 +102,20 @@ def run_offline(
         tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
+        detection = _detection_of(run, rig, reader)
         writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks, through_masks=run.through_masks))
         writers = [writer.append]
         if run.smooth_s is not None:
             smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
             writers.append(lambda estimate, image_set: smoothed.append(estimate))
+        loop = TrackingLoop(tracker, None if detection is None else detection.with_people)
         record = _Record(run.model)
         try:
-            _track(run, tracker, stream, writers, record, progress)
+            _track(run, loop, stream, writers, record, progress)
         except TrackerError as error:
             stream.errors.append(str(error))
         finally:
-            summary = _summary(run, stream, record)
+            summary = _summary(run, stream, record, detection)
             writer.write_summary(summary)
     return summary
 
@@ -123,6 +129,14 @@ def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, Im
         return run_stream(run.rig, reader, run_info(reader.path), run.source_options)
     rig = rig_of_bag(run.rig, reader)
     return rig, BagStream(rig, run.config.synchronizer, reader)
+
+
+def _detection_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> PeopleDetection | None:
+    """What finds people; None where no points are compared, or where the run that is made again has recorded its own."""
+    recorded = run.from_run and reader is not None and bool(reader.topics_of_type(KEYPOINTS_MESSAGE))
+    if KEYPOINTS not in run.config.modalities or recorded:
+        return None
+    return PeopleDetection(rig, run.config, run.detection)
 
 
 def _what_mostly(name: str) -> str:
@@ -164,17 +178,16 @@ class _Record:
 
 def _track(
     run: OfflineRun,
-    tracker: Tracker,
+    loop: TrackingLoop,
     stream: ImageSetStream,
     writers: Sequence[Callable[[TrackEstimate, ImageSet], None]],
     record: _Record,
     progress: Progress | None,
 ) -> None:
-    loop = TrackingLoop(tracker)
     for image_set in stream:
         estimate = loop.step(image_set)
         for write in writers:
-            write(estimate, image_set)
+            write(estimate, loop.tracked_set or image_set)
         record.add(estimate)
         if progress is not None:
             progress(len(record.stamps_ns), stream.n_expected, estimate)
@@ -182,7 +195,7 @@ def _track(
             return
 
 
-def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[str, Any]:
+def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record, detection: PeopleDetection | None) -> dict[str, Any]:
     summary: dict[str, Any] = {
         "image_sets": len(record.stamps_ns),
         "expected_image_sets": stream.n_expected,
@@ -208,6 +221,8 @@ def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record) -> dict[s
         "cpu": cpu(),
         "command": command_line(),
     }
+    if detection is not None:
+        summary["detection"] = detection.summary()
     if isinstance(stream, RecordedRunStream):
         summary["sets_not_made_again"] = stream.incomplete_sets
     return summary

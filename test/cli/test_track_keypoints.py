@@ -1,0 +1,62 @@
+"""``track`` with points of people: what is missing is said in one line before anything is tracked."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from helpers.cameras.person_clip import make_person_clip
+from helpers.cameras.small_clip import Clip
+from helpers.sources.weights import weights_or_skip
+from tracker_node.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
+    return make_person_clip(tmp_path_factory.mktemp("clip") / "person", 2)
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    error = capsys.readouterr().err
+    assert "Traceback" not in error and error.count("\n") == 1, error
+    return error
+
+
+def test_missing_weights(no_index: None, clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("ai_edge_litert")
+    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run")]) == 2
+    error = said(capsys)
+    assert "mediapipe==0.10.9 could not be fetched" in error and f"{tmp_path}/cache/tracker_node/files/" in error
+    assert not (tmp_path / "run").exists()
+
+
+def test_missing_package(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ai_edge_litert", None)
+    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run")]) == 2
+    assert "ai_edge_litert is not installed; pip install 'tracker_node[keypoints]' brings it" in said(capsys)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [("--keypoints-weights", "none.tflite", "none.tflite: field '(file)': expected weights of a network"),
+     ("--keypoints-every", "0", "'--keypoints-every': expected a whole number, 1 or more, got 0")],
+)  # fmt: skip
+def test_options_that_cannot_be(
+    clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, value: str, words: str
+) -> None:
+    pytest.importorskip("ai_edge_litert")
+    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run"), option, value]) == 2
+    assert words in said(capsys)
+
+
+def test_a_run_with_the_network(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Cones without a face are nobody, so contours go on alone; the file of the weights is in run.json."""
+    files = weights_or_skip()
+    own = tmp_path / "own.tflite"
+    own.symlink_to(files.points)
+    options = ["--keypoints-weights", str(own), "--keypoints-every", "2", "--quiet"]
+    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run"), *options]) == 0, capsys.readouterr().err
+    info = json.loads((tmp_path / "run/run.json").read_text())
+    assert (info["image_sets"], info["detection"]["images"], info["detection"]["detector"]) == (2, 3, "BlazePose own")
+    assert info["options"]["keypoints_weights"].endswith(files.points.name) and info["options"]["keypoints_every"] == 2

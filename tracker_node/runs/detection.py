@@ -1,0 +1,162 @@
+"""People in the images of an offline run: a detector looks where the tracker expects the body, before each step.
+
+Where it looks depends on the states before, and on nothing else: the same run finds the same people. A live tracker gets them
+from a node of their own instead.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..camera.rig import CameraRig
+from ..errors import FileFormatError, TrackerError, extra_module
+from ..loaders.pose_weights import detector_name, pose_weights
+from ..observation.image_set import CameraImage, ImageSet
+from ..observation.keypoints.blazepose import BlazePose, PointNetwork
+from ..observation.keypoints.checked import checked
+from ..observation.keypoints.crop import Crop
+from ..observation.keypoints.people import People
+from ..parallel import Workers
+from ..tracking.config import KEYPOINTS, TrackerConfig
+
+_TRIAL = np.zeros((64, 64, 3), np.uint8)  # shows nobody
+
+
+class Detector(Protocol):
+    """Finds people in one image; not in several threads at once."""
+
+    def detect(self, image: np.ndarray, expected: Sequence[Crop] = ()) -> People:
+        """The people in an image.
+
+        Parameters
+        ----------
+        image : (height, width, 3) BGR.
+        expected : around those whose places are known; empty: anywhere.
+
+        Returns
+        -------
+        In no particular order.
+        """
+        ...
+
+
+class Expecting(Protocol):
+    """What detection needs of a tracker."""
+
+    def expected_crops(self, stamp_ns: int) -> list[Crop | None]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class DetectionOptions:
+    """How people are found where `keypoints` is among the modalities.
+
+    Parameters
+    ----------
+    weights : of the network that finds points, such as those of ``heavy``; None: ``full``, which is fetched.
+    every_sets : look at every n-th image set; the others go by what else is compared.
+    make : makes another detector, one for each thread; None: BlazePose.
+    """
+
+    weights: Path | None = None
+    every_sets: int = 1
+    make: Callable[[], Detector] | None = None
+
+    def __post_init__(self):
+        if self.every_sets < 1:
+            raise ValueError(f"expected every_sets of 1 or more, got {self.every_sets}")
+
+    @property
+    def name(self) -> str:
+        """Of the detector, for people."""
+        return detector_name(self.weights) if self.make is None else ""
+
+
+class PeopleDetection:
+    """Puts people into image sets, camera by camera on the threads of the configuration.
+
+    Images that have people already, from a bag or from files, are left as they are.
+
+    Parameters
+    ----------
+    rig, config : as for the `Tracker`; ``keypoints`` is among the modalities.
+    options : how.
+
+    Raises
+    ------
+    TrackerError : weights or the package that runs them are missing, or only points are compared and not in every set.
+
+    Attributes
+    ----------
+    ms : of each image that was looked at.
+    """
+
+    def __init__(self, rig: CameraRig, config: TrackerConfig, options: DetectionOptions):
+        if options.every_sets > 1 and config.modalities == (KEYPOINTS,):
+            raise TrackerError(f"points in every {options.every_sets}th image set take the modality region beside, got none")
+        self._names, self._options = rig.names, options
+        self._workers = Workers(config.threads)
+        self._idle: SimpleQueue[Detector] = SimpleQueue()
+        for detector in _detectors(options, min(config.threads, len(rig))):
+            self._idle.put(detector)
+        self._count, self._last_ns = 0, 0
+        self.ms: list[float] = []
+
+    def with_people(self, tracker: Expecting, image_set: ImageSet) -> ImageSet:
+        """The image set with the people in its images.
+
+        Parameters
+        ----------
+        tracker : knows where the body is expected in them.
+        image_set : the next one to be tracked.
+
+        Returns
+        -------
+        The same images, their ``people`` filled where a detector was to look.
+        """
+        if image_set.stamp_ns < self._last_ns:
+            self._count = 0  # a recording began again
+        self._last_ns, turn = image_set.stamp_ns, self._count % self._options.every_sets
+        self._count += 1
+        if turn or all(image.people is not None for image in image_set.images):
+            return image_set
+        crops = dict(zip(self._names, tracker.expected_crops(image_set.stamp_ns), strict=True))
+        found = self._workers.map(lambda image: self._looked_at(image, crops.get(image.camera)), image_set.images)
+        self.ms += [ms for _, ms in found if ms is not None]
+        return replace(image_set, images=tuple(image for image, _ in found))
+
+    def _looked_at(self, image: CameraImage, crop: Crop | None) -> tuple[CameraImage, float | None]:
+        if image.people is not None:
+            return image, None
+        detector, began = self._idle.get(), time.perf_counter()
+        try:
+            people = detector.detect(np.ascontiguousarray(image.bgr), () if crop is None else (crop,))
+        finally:
+            self._idle.put(detector)
+        usable = tuple(checked(person) for person in people)
+        return replace(image, people=usable), 1e3 * (time.perf_counter() - began)
+
+    def summary(self) -> dict[str, Any]:
+        """For ``run.json``: what has looked, and at how many images."""
+        options, ms = self._options, float(np.mean(self.ms)) if self.ms else None
+        return {"detector": options.name, "every_sets": options.every_sets, "images": len(self.ms), "ms_per_image": ms}
+
+
+def _detectors(options: DetectionOptions, n: int) -> list[Detector]:
+    """So many of the same kind, since one cannot be used by two threads."""
+    if options.make is not None:
+        return [options.make() for _ in range(n)]
+    extra_module("ai_edge_litert", "keypoints")  # before anything is fetched
+    files = pose_weights(options.weights)
+    try:
+        PointNetwork(files.points).read(_TRIAL, Crop((31.5, 31.5), 64.0))
+    except (ValueError, RuntimeError, IndexError) as error:
+        expected = "a network with the inputs and outputs of pose_landmark_full.tflite"
+        raise FileFormatError(files.points, "(network)", expected, str(error).splitlines()[0]) from error
+    return [BlazePose(files) for _ in range(n)]
