@@ -17,7 +17,8 @@ class CameraImage:
 
     ``pixels`` is uint8, (height, width, 3) for ``bgr8``/``rgb8``, (height, width) for ``mono8``; it may be a read-only view.
     ``stamp_ns`` is the time of exposure in integer nanoseconds. ``people`` is what a detector has found in it; None: none has
-    looked.
+    looked. ``people_stamp_ns`` is the stamp of the image that they were found in, where that is an earlier one of this camera;
+    None: this one.
     """
 
     camera: str
@@ -25,6 +26,7 @@ class CameraImage:
     pixels: np.ndarray
     encoding: str = "bgr8"
     people: People | None = None
+    people_stamp_ns: int | None = None
 
     def __post_init__(self):
         if self.encoding not in ENCODINGS:

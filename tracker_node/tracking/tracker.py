@@ -13,6 +13,7 @@ from ..camera.rig_unit import check_metres
 from ..errors import CalibrationError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
+from ..model.humans.keypoints import BLAZEPOSE
 from ..objective.constraints.prior import Prior
 from ..observation.image_set import ImageSet
 from ..observation.keypoints.crop import Crop
@@ -21,14 +22,15 @@ from ..optimize.levenberg_marquardt import clip_to_limits
 from ..parallel import Workers
 from ..render.occluders import Occluders
 from .assessment import Assessment, Report
-from .config import TrackerConfig, checked_combination
+from .config import KEYPOINTS, TrackerConfig, checked_combination
 from .engine import AnyEngine
 from .engines import make_engine
 from .estimate import GRAY_LEVELS, PX, CameraFault, LimbStatus, Status, Timings, TrackEstimate
 from .initialization.detector import body_size
 from .initialization.initializer import NOT_GIVEN, Initializer
 from .keypoints.crops import crops_of
-from .modality import Images
+from .keypoints.late import LatePoints
+from .modality import Images, PeopleSeen
 from .motion.model import ExposureDelays, MotionModel, Prediction
 from .self_check import SelfCheck, SelfCheckOptions
 from .uncertainty.covariance import ImageEvidence, fit_covariance
@@ -97,6 +99,7 @@ class Tracker:
                 lambda: Tracker(rig, model, follower, backgrounds, None, occluders),
             )  # fmt: skip
         self._check = SelfCheck(rig, model, _check_options(config))
+        self._late = LatePoints(rig, model, BLAZEPOSE) if KEYPOINTS in config.modalities else None
         self._restart(initial_state)
 
     @property
@@ -128,6 +131,8 @@ class Tracker:
     def _restart(self, state: State | None) -> None:
         self._track = _Track(self._track.engine, MotionModel(self.model.chain, self.config.motion), state)
         self._check.skip()  # how it got there is no velocity
+        if self._late is not None:
+            self._late.reset()
         if self._initializer is not None:
             self._initializer.stop()
 
@@ -176,6 +181,7 @@ class Tracker:
                 return None
         self._track = other._track
         self._check.skip()
+        self._late = other._late
         return replace(estimate, faults=self._check.faults)
 
     def expected_crops(self, stamp_ns: int) -> list[Crop | None]:
@@ -207,7 +213,7 @@ class Tracker:
         prediction = track.motion.predict(image_set.stamp_ns)
         first, predicted = prediction is None, self._expected(prediction)
         waiting = first and track.start is None
-        people = [None if image is None else image.people for image in map(image_set.get, self.rig.names)]
+        people: PeopleSeen = () if self._late is None else self._late.brought(image_set, predicted)
         start = engine.begin(images, predicted, people=people) if first and not waiting else predicted
         engine.observe(images, None if waiting else start, self._delays(image_set, prediction), people)
         observed = time.perf_counter()
@@ -224,6 +230,8 @@ class Tracker:
                 fit = at_state(fit, predicted)
             information = self._information(fit, prior, assessment)
             self._accept(image_set.stamp_ns, fit.state, information, images, assessment, first)
+            if self._late is not None:
+                self._late.add(image_set.stamp_ns, predicted, fit.state, corrected=any(people))
         faults = self._compare_cameras(image_set.stamp_ns, fit, assessment)
         finished = time.perf_counter()
         report = engine.report(fit, image_set)
