@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """How well round cones fill the meshes that they stand for when parts must not run into each other.
 
-For meshes of known solids and the 18 segments of the measured body: the volume of the round cones as a share of the mesh's, that
-of its convex hull likewise, how deep a vertex of the mesh is within a round cone (they should not stick out), how many there are,
-and milliseconds to find them (once for a model). `capsules.body.*` are the mean and the worst of the segments.
+For meshes of known solids and the 18 segments of the measured body: the volume of the round cones as a fraction of the mesh's,
+that of its convex hull likewise, how deep a vertex of the mesh is within a round cone (they should not stick out), how many there
+are, and milliseconds to find them (once for a model). `capsules.body.*` are the mean and the worst of the segments.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ CLIPS = {"quick": ("walk",), "full": ("walk", "dance_a", "dance_b")}
 OPTIMIZERS = ("alignment", "stepping", "simplex")
 COLOR = {"learn_colors": True}
 DEFAULT_CACHE = Path("out/synthetic")
-PICTURED = 0.5  # which image set of a clip is drawn, as a share of its length
+PICTURED = 0.5  # which image set of a clip is drawn, as a fraction of its length
 
 # Neighbors differ in hue, and so do left and right; the mannequin has no skin on its collar bones, so theirs is the torso's color
 SUIT_RGB = {

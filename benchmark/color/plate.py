@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker_node.calibration.texture import BLACK, GRAY, WHITE, charuco_picture, framed, plate_model
+from tracker_node.calibration.texture import BLACK, GRAY, WHITE, charuco_texture, framed, plate_model
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import so3
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
@@ -91,7 +91,7 @@ def main() -> int:
 
 def plate() -> ArticulatedModel:
     """The board in its frame; the body's origin is the middle of the board."""
-    board = charuco_picture(COLUMNS, ROWS, SQUARE_M, MARKER_SHARE, DICTIONARY, inverted=True, texels_per_m=TEXELS_PER_M)
+    board = charuco_texture(COLUMNS, ROWS, SQUARE_M, MARKER_SHARE, DICTIONARY, inverted=True, texels_per_m=TEXELS_PER_M)
     left, top = sum(border[0] for border in BORDERS), sum(border[2] for border in BORDERS)
     origin = left + board.shape[1] / 2.0, top + board.shape[0] / 2.0
     return plate_model("plate", framed(board, BORDERS), TEXELS_PER_M, origin, THICKNESS_M)

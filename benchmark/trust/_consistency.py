@@ -24,7 +24,7 @@ class Consistency:
 
     @property
     def runs_in_bounds(self) -> float:
-        """Share of the runs whose mean lies within its bounds, both of them."""
+        """Fraction of the runs whose mean lies within its bounds, both of them."""
         return _share_within(self.nees.mean(axis=1), mean_bounds(self.n, self.effective_sets))
 
     @property
@@ -34,7 +34,7 @@ class Consistency:
 
     @property
     def sets_in_bounds(self) -> float:
-        """Share of the instants at which the mean over the runs, which are independent, lies within its bounds."""
+        """Fraction of the instants at which the mean over the runs, which are independent, lies within its bounds."""
         return _share_within(self.nees.mean(axis=0), mean_bounds(self.n, self.nees.shape[0]))
 
 

@@ -3,26 +3,26 @@
 import numpy as np
 import pytest
 
-from tracker_node.calibration.texture import BLACK, GRAY, WHITE, charuco_picture, framed, plate_model
+from tracker_node.calibration.texture import BLACK, GRAY, WHITE, charuco_texture, framed, plate_model
 
 BOARD = (5, 4, 0.02, 0.75, "DICT_4X4_50")
 
 
 def test_a_board_is_as_large_as_its_squares_and_has_two_grey_levels():
-    picture = charuco_picture(*BOARD, False)
+    picture = charuco_texture(*BOARD, False)
     assert picture.shape == (80, 100, 3) and picture.dtype == np.uint8
     assert np.unique(picture).tolist() == [20, 200] == [BLACK, WHITE] and BLACK < GRAY < WHITE
-    assert charuco_picture(*BOARD, False, texels_per_m=2000.0).shape == (160, 200, 3)
+    assert charuco_texture(*BOARD, False, texels_per_m=2000.0).shape == (160, 200, 3)
 
 
 def test_a_board_begins_with_a_black_square_and_its_inverse_with_a_white_one():
-    picture, inverted = charuco_picture(*BOARD, False), charuco_picture(*BOARD, True)
+    picture, inverted = charuco_texture(*BOARD, False), charuco_texture(*BOARD, True)
     assert (picture[1:19, 1:19] == 20).all() and (picture[1:2, 21:39] == 200).all()  # the margin beside a marker
     assert np.array_equal(picture.astype(int) + inverted, np.full(picture.shape, 220))
 
 
 def test_a_marker_has_its_share_of_a_square():
-    black = charuco_picture(*BOARD, False)[:20, 20:40, 0] == 20  # a white square with its marker: 15 of 20 texels
+    black = charuco_texture(*BOARD, False)[:20, 20:40, 0] == 20  # a white square with its marker: 15 of 20 texels
     rows, columns = np.flatnonzero(black[:, 2:18].any(axis=1)), np.flatnonzero(black[2:18].any(axis=0))
     assert 14 <= np.ptp(rows) + 1 <= 16 and 14 <= np.ptp(columns) + 1 <= 16
 

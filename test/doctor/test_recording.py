@@ -20,7 +20,7 @@ def recorded(*levels, n_expected=8, rate_hz=10.0, period_ns=100):
 
 def test_stamps_sizes_and_changes():
     recording = CameraRecording("cam01", 8, 10.0)
-    assert len(recording) == 0 and recording.size == (0, 0) and recording.picture is None
+    assert len(recording) == 0 and recording.size == (0, 0) and recording.shown is None
     recording = recorded(10, 14, 14, 9)
     assert len(recording) == 4 and recording.size == (80, 60)
     assert recording.stamps_ns == [1000, 1100, 1200, 1300]
@@ -41,7 +41,7 @@ def test_the_picture_is_the_one_in_the_middle():
     recording = CameraRecording("cam01", 6, 10.0)
     for i, expected in enumerate([0, 0, 0, 3, 3, 3]):
         recording.add(i, flat(10 * i))
-        assert (recording.picture_index, recording.picture[0, 0, 0]) == (expected, 10 * expected)
+        assert (recording.shown_index, recording.shown[0, 0, 0]) == (expected, 10 * expected)
 
 
 def combed(shift):

@@ -1,4 +1,4 @@
-"""What the doctor leaves: findings as plain values, and pictures in which the places of motion and lines of sight are drawn."""
+"""What the doctor leaves: findings as plain values, and images in which the places of motion and lines of sight are drawn."""
 
 import json
 from dataclasses import replace
@@ -57,7 +57,7 @@ def examination(findings=(), notes=(), compared=True):
 
 def recording(name, level=0):
     result = CameraRecording(name, 3, 10.0, size=(480, 240), stamps_ns=[0, 100, 200])
-    return replace(result, picture=np.full((240, 480, 3), level, np.uint8), picture_index=1)
+    return replace(result, shown=np.full((240, 480, 3), level, np.uint8), shown_index=1)
 
 
 def test_findings_are_plain_values():
@@ -84,14 +84,14 @@ def test_the_summary_names_each_kind_of_fault_once(findings, compared, said):
 
 
 def test_everything_is_written(tmp_path):
-    recordings = {"a": recording("a"), "b": replace(recording("b"), picture=None)}
+    recordings = {"a": recording("a"), "b": replace(recording("b"), shown=None)}
     page = report.write_examination(tmp_path / "new/folder", RIG, recordings, examination([FIRST, SECOND]))
     assert page == tmp_path / "new/folder/index.html"
     assert sorted(path.name for path in page.parent.iterdir()) == ["a.png", "findings.json", "index.html"]
     found = json.loads((page.parent / "findings.json").read_text())
     assert [finding["fault"] for finding in found["findings"]] == ["clock", "unit"]
     text = page.read_text()
-    order = [text.index(part) for part in ("<h2>Findings", "<h2>The pictures", "<h2>a<")]
+    order = [text.index(part) for part in ("<h2>Findings", "<h2>The images", "<h2>a<")]
     assert order == sorted(order)
     assert "<h2>b<" not in text
 
@@ -107,20 +107,20 @@ def test_a_camera_s_own_findings_are_told_of_it(tmp_path):
     assert "a is late." not in other
 
 
-def pictures(findings=(), level=0, scale=1):
+def images(findings=(), level=0, scale=1):
     shown = recording("a", level)
-    shown.picture = cv2.resize(shown.picture, None, fx=scale, fy=scale)
-    return report._picture(A, shown, examination(findings), list(findings), {"a": RED, "b": GREEN})
+    shown.shown = cv2.resize(shown.shown, None, fx=scale, fy=scale)
+    return report._page_image(A, shown, examination(findings), list(findings), {"a": RED, "b": GREEN})
 
 
 @pytest.mark.parametrize("scale", [1, 4])
 def test_pictures_are_960_pixels_wide_below_a_banner(scale):
-    assert pictures(scale=scale).shape == (480 + 30, 960, 3)
+    assert images(scale=scale).shape == (480 + 30, 960, 3)
 
 
 def test_the_banner_is_red_with_findings_and_green_without():
-    assert pictures([FIRST])[0, 0].tolist() == [40, 40, 170]
-    assert pictures()[0, 0].tolist() == [60, 110, 40]
+    assert images([FIRST])[0, 0].tolist() == [40, 40, 170]
+    assert images()[0, 0].tolist() == [60, 110, 40]
 
 
 def test_long_banners_have_more_lines_of_whole_words():

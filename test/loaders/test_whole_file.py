@@ -18,7 +18,7 @@ from tracker_node.loaders.json_values import read_json
 from tracker_node.loaders.layouts.foxglove import write_foxglove_layout
 from tracker_node.loaders.layouts.plotjuggler import write_plotjuggler_layout
 from tracker_node.loaders.layouts.viewed_graph import ViewedGraph
-from tracker_node.loaders.model.mesh_file import read_picture
+from tracker_node.loaders.model.mesh_file import read_texture
 from tracker_node.loaders.model.urdf_xml import read_robot
 from tracker_node.loaders.motion.openpose_json import load_openpose
 from tracker_node.loaders.motion.trc import load_trc
@@ -108,7 +108,7 @@ def test_the_name_of_another_file_that_fails_is_kept(tmp_path):
 
 READERS = [
     load_rig, load_config, load_pose2sim, load_qualisys, load_trc, read_robot, detect, read_json, load_reference_masks, CsvTable,
-    lambda path: load_opencv([path]), lambda path: read_picture(path, "model.yaml", "texture"),
+    lambda path: load_opencv([path]), lambda path: read_texture(path, "model.yaml", "texture"),
 ]  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def test_devices_pipes_and_giants_are_refused(tmp_path: Path, reader) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "zero").symlink_to("/dev/zero")
     for path in (tmp_path / "pipe", tmp_path / "zero", sparse(tmp_path / "giant", TABLE_BYTES + 1)):
-        with pytest.raises(FileFormatError, match=r"a regular file|at most [\d ]+ MB|existing picture"):
+        with pytest.raises(FileFormatError, match=r"a regular file|at most [\d ]+ MB|existing texture"):
             reader(path)
 
 

@@ -20,8 +20,8 @@ FAR = {"x": 0.035, "y": -0.035, "z": 0.034}, {"somersault": 3.5, "tilt": -3.4, "
 class Scene:
     def __init__(self, image: int):
         self.model, self.rig = ellipsoid_human(), somersault_rig()
-        posture = {"left_hip_flexion": 30.0, "right_hip_flexion": 20.0, "left_elbow_flexion": 70.0, "right_elbow_flexion": 40.0}
-        self.truth = somersault_states(self.model, somersault_variables(), posture)[image]
+        angles = {"left_hip_flexion": 30.0, "right_hip_flexion": 20.0, "left_elbow_flexion": 70.0, "right_elbow_flexion": 40.0}
+        self.truth = somersault_states(self.model, somersault_variables(), angles)[image]
         body = Configuration(self.model, self.truth)
         pictures = [render_color(body, camera, self.rig.lights).rgb[:, :, ::-1] for camera in self.rig]
         self.images = [np.clip(np.rint(picture), 0, 255).astype(np.uint8) for picture in pictures]

@@ -9,11 +9,11 @@ from tracker_node.report.page import PageSection, write_page
 
 
 def test_headings_tables_pictures_and_text_in_order(tmp_path):
-    picture = tmp_path / "a.png"
-    picture.write_bytes(b"pixels")
+    image = tmp_path / "a.png"
+    image.write_bytes(b"pixels")
     sections = [
         PageSection("First <part>", "A sentence.", [("name", "heading of it"), ("a", "1.5")]),
-        PageSection("Second", picture=picture, preformatted="as  it is"),
+        PageSection("Second", image=image, preformatted="as  it is"),
     ]
     path = tmp_path / "new" / "folder" / "page.html"
     write_page(path, "A title", sections)
@@ -37,7 +37,7 @@ def test_what_is_empty_is_left_out(tmp_path):
 
 def test_pixels_are_a_picture_and_a_section_needs_no_heading(tmp_path):
     pixels = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
-    write_page(tmp_path / "page.html", "Arm & hand", [PageSection(text="seen <here>", picture=pixels)])
+    write_page(tmp_path / "page.html", "Arm & hand", [PageSection(text="seen <here>", image=pixels)])
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "<title>Arm &amp; hand</title>" in text and "seen &lt;here&gt;" in text and "<h2></h2>" not in text
     png = base64.b64decode(text.split("data:image/png;base64,")[1].split('"')[0])

@@ -28,13 +28,13 @@ class BuildOptions:
     Parameters
     ----------
     tolerance : color levels (of 255) within which two images agree about a pixel.
-    min_share : fraction of the images that must agree for the recording to count rather than the still. Uniform clothes of
+    min_fraction : fraction of the images that must agree for the recording to count rather than the still. Uniform clothes of
         somebody who hardly moves agree in many images too: keep it high.
     min_width_px : what changes in a place narrower than this is noise, not somebody who moves.
     """
 
     tolerance: float = 12.0
-    min_share: float = 0.8
+    min_fraction: float = 0.8
     min_width_px: int = 9
 
 
@@ -74,8 +74,8 @@ def build_background(images: np.ndarray, still: np.ndarray | None = None, option
         raise ValueError(f"expected images of shape (n, h, w, 3), got {images.shape}")
     if still is not None and still.shape != images.shape[1:]:
         raise ValueError(f"expected a still of shape {images.shape[1:]}, got {still.shape}")
-    median, share = _median_and_share(images, options.tolerance)
-    known = ~_where_somebody_moves(share, options)
+    median, fraction = _median_and_agreement(images, options.tolerance)
+    known = ~_where_somebody_moves(fraction, options)
     if still is None:
         return Background(median, known)
     matched = _exposed_like(still, median)
@@ -141,11 +141,11 @@ def _image_of(folder: Path, camera: str, shape: tuple[int, ...]) -> np.ndarray:
     return image
 
 
-def _where_somebody_moves(share: np.ndarray, options: BuildOptions) -> np.ndarray:
+def _where_somebody_moves(fraction: np.ndarray, options: BuildOptions) -> np.ndarray:
     """(h, w) bool: places where the recording does not agree with itself, and what they enclose."""
     # Edges of things flicker by themselves; whoever moves leaves a wide trace.
     disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (options.min_width_px,) * 2)
-    moving = cv2.morphologyEx((share < options.min_share).astype(np.uint8), cv2.MORPH_OPEN, disk)
+    moving = cv2.morphologyEx((fraction < options.min_fraction).astype(np.uint8), cv2.MORPH_OPEN, disk)
     # Uniform clothes of somebody who hardly moves look like background: what motion encloses is not known either.
     moving = cv2.morphologyEx(cv2.dilate(moving, disk), cv2.MORPH_CLOSE, np.ones((3 * options.min_width_px,) * 2, dtype=np.uint8))
     outlines, _ = cv2.findContours(moving, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -198,10 +198,10 @@ def write_image(path: Path, image: np.ndarray) -> None:
         raise SourceError(path, f"cannot be written: {error.strerror}") from error
 
 
-def _median_and_share(images: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Per pixel the median color (h, w, 3) uint8, and the share (h, w) of the images that agree with it."""
+def _median_and_agreement(images: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Per pixel the median color (h, w, 3) uint8, and the fraction (h, w) of the images that agree with it."""
     median = np.empty(images.shape[1:], dtype=np.uint8)
-    share = np.empty(images.shape[1:3], dtype=np.float32)
+    fraction = np.empty(images.shape[1:3], dtype=np.float32)
     middle = len(images) // 2
     for top in range(0, images.shape[1], 64):  # in strips, to keep copies small
         strip = images[:, top : top + 64]
@@ -209,8 +209,8 @@ def _median_and_share(images: np.ndarray, tolerance: float) -> tuple[np.ndarray,
         near = np.zeros(strip.shape[1:3], dtype=np.float32)
         for image in strip:
             near += np.max(cv2.absdiff(image, median[top : top + 64]), axis=-1) <= tolerance
-        share[top : top + 64] = near / len(images)
-    return median, share
+        fraction[top : top + 64] = near / len(images)
+    return median, fraction
 
 
 def _exposed_like(still: np.ndarray, median: np.ndarray, n_rounds: int = 8) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Makes the ``balancing`` sample ready to be tracked: rigs, plates, and what is wrong with the recording put right.
 
-What the files do not say, and pictures of them show: the videos of cam01 and cam02 (in the static trial of cam03 and cam04) were
+What the files do not say, and images of them show: the videos of cam01 and cam02 (in the static trial of cam03 and cam04) were
 resampled to 1080 pixels a row with black bars above and below, while calibration, stills and 2D joints are for 1088 x 1920.
 """
 

@@ -195,11 +195,11 @@ def irradiance(lights: Sequence[Light], points: np.ndarray, normals: np.ndarray)
         else:
             towards = np.asarray(light.position) - points
             towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
-        share = np.maximum((normals * towards).sum(axis=1), 0.0)
+        fraction = np.maximum((normals * towards).sum(axis=1), 0.0)
         if light.kind == "spot":
             outer, inner = np.cos(float(light.half_angle or 0.0)), np.cos(SPOT_EDGE * float(light.half_angle or 0.0))
-            share = share * np.clip((-towards @ axis - outer) / (inner - outer), 0.0, 1.0)
-        total += share[:, None] * np.asarray(light.intensity)
+            fraction = fraction * np.clip((-towards @ axis - outer) / (inner - outer), 0.0, 1.0)
+        total += fraction[:, None] * np.asarray(light.intensity)
     return total
 
 

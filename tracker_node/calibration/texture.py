@@ -1,4 +1,4 @@
-"""Pictures for the faces of a body, drawn as OpenCV draws them, and flat bodies with a picture on them."""
+"""Textures for the faces of a body, drawn as OpenCV draws them, and flat bodies with a texture on them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..model.shapes.primitives import Box
 BLACK, GRAY, WHITE = 20, 120, 200  # gray levels of printed paper as a camera shows it
 
 
-def charuco_picture(
+def charuco_texture(
     columns: int, rows: int, square_m: float, marker_share: float, dictionary: str, inverted: bool, texels_per_m: float = 1000.0
 ) -> np.ndarray:
     """Texture of a ChArUco board as OpenCV draws it.
@@ -41,14 +41,14 @@ def charuco_picture(
     return _rgb(np.where(drawn != inverted, WHITE, BLACK))
 
 
-def framed(picture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]]) -> np.ndarray:
+def framed(texture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]]) -> np.ndarray:
     """The texture with borders around it.
 
     Each border is (left, right, top, bottom, gray level), widths in texels.
 
     Parameters
     ----------
-    picture : (h, w, 3) uint8 RGB.
+    texture : (h, w, 3) uint8 RGB.
     borders : from the innermost outward (left, right, top, bottom, gray level), widths in texels.
 
     Returns
@@ -56,21 +56,21 @@ def framed(picture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]
     (h', w', 3) uint8 RGB.
     """
     for left, right, top, bottom, gray in borders:
-        picture = cv2.copyMakeBorder(picture, top, bottom, left, right, cv2.BORDER_CONSTANT, value=(gray, gray, gray))
-    return picture
+        texture = cv2.copyMakeBorder(texture, top, bottom, left, right, cv2.BORDER_CONSTANT, value=(gray, gray, gray))
+    return texture
 
 
 def plate_model(
-    name: str, picture: np.ndarray, texels_per_m: float, origin: tuple[float, float], thickness_m: float, rim: int = BLACK
+    name: str, texture: np.ndarray, texels_per_m: float, origin: tuple[float, float], thickness_m: float, rim: int = BLACK
 ) -> ArticulatedModel:
     """A flat box with a texture on its face ``+z``; back and edges have one gray level.
 
     Parameters
     ----------
     name : of the body and its link.
-    picture : (h, w, 3) uint8 RGB texture.
+    texture : (h, w, 3) uint8 RGB texture.
     texels_per_m : its resolution.
-    origin : (column, row) of the picture where the root of the body is; its x runs along the columns, its y up the rows.
+    origin : (column, row) of the texture where the root of the body is; its x runs along the columns, its y up the rows.
     thickness_m : of the box.
     rim : gray level of back and edges.
 
@@ -78,12 +78,12 @@ def plate_model(
     -------
     A body of one link.
     """
-    height, width = picture.shape[:2]
+    height, width = texture.shape[:2]
     T = np.eye(4)
     T[0, 3] = (width / 2.0 - origin[0]) / texels_per_m
     T[1, 3] = (origin[1] - height / 2.0) / texels_per_m
     T[2, 3] = -thickness_m / 2.0
-    box = Box((width / texels_per_m, height / texels_per_m, thickness_m), None, (None, None, None, None, picture, None))
+    box = Box((width / texels_per_m, height / texels_per_m, thickness_m), None, (None, None, None, None, texture, None))
     return ArticulatedModel(name, KinematicChain((name,), ()), (Shape("face", name, box, T, (rim, rim, rim)),))
 
 

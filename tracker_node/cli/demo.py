@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
             return status
     print(f"\nDone in {time.monotonic() - began:.0f} s.")
     print(f"  {folder / 'report.html'}: open it in a browser; {folder / 'report.pdf'}: the same for print")
-    print(f"  {folder / 'report.json'}: the figures")
+    print(f"  {folder / 'report.json'}: the metrics")
     print(f"  {folder / 'bag'}: for ros2 bag, PlotJuggler or Foxglove")
     return 0
 

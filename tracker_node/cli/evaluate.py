@@ -41,10 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--first-image", type=int, metavar="N",
         help="number, in sources and truth, of the image that the first set shows (default: run.json, or 0)")  # fmt: skip
     add("--pictures", type=int, default=6, metavar="N", help="time steps on the contact sheets (default 6; 0: none)")
-    add("--target", action="append", default=[], metavar="KEY<=X", help="light for a figure, for example mpjpe_mm<=60; repeat")
+    add("--target", action="append", default=[], metavar="KEY<=X", help="light for a metric, for example mpjpe_mm<=60; repeat")
     add("--topic", help="topic of the states, where a bag has several")
     add("--name", action="append", default=[], metavar="NAME",
-        help="prefix of the figures' keys; repeat for several runs (default: run, or the names of their folders)")  # fmt: skip
+        help="prefix of the metrics' keys; repeat for several runs (default: run, or the names of their folders)")  # fmt: skip
     add("--csv", action="store_true", help="also write every table and chart as CSV and JSON, into figures/")
     add("--no-pdf", action="store_true", help="without report.pdf, which takes the longest to write")
     add("-o", "--output", metavar="DIR", help="where the report goes (default: the folder of the run; needed for several)")
@@ -68,8 +68,8 @@ def run(args: argparse.Namespace) -> int:
         )
         reviews.append(review_run(files, _say))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
-    figures = report.write_report(folder, reviews, options, _say)
-    print_metrics(figures)
+    metrics = report.write_report(folder, reviews, options, _say)
+    print_metrics(metrics)
     written = [report.REPORT_JSON, report.REPORT_HTML, *([] if args.no_pdf else [report.REPORT_PDF])]
     _say(f"wrote {', '.join(str(folder / name) for name in written)}")
     return 0
@@ -123,7 +123,7 @@ def one_each(runs: Sequence[str], given: Sequence[str], option: str) -> list[str
 
 
 def _targets_of(texts: Sequence[str]) -> dict[str, Target]:
-    """Bounds by the keys of figures."""
+    """Bounds by the keys of metrics."""
     from ..errors import TrackerError
     from ..evaluation.report.summary import parse_target
 

@@ -160,9 +160,9 @@ def _shared_out(time_steps, places, amounts, position, seen, n_time_steps):
         place = places[i]
         if seen[place]:
             low = int(np.floor(position[place]))
-            share = position[place] - low
-            total[time_steps[i], low % PLANES] += (1.0 - share) * amounts[i]
-            total[time_steps[i], (low + 1) % PLANES] += share * amounts[i]
+            fraction = position[place] - low
+            total[time_steps[i], low % PLANES] += (1.0 - fraction) * amounts[i]
+            total[time_steps[i], (low + 1) % PLANES] += fraction * amounts[i]
     return total
 
 

@@ -78,7 +78,7 @@ class Speed:
     ----------
     growth : by what factor more of the image changes over two images than over one: 2 for slow motion, 1 where things are
         elsewhere in every image.
-    step : 90th percentile of the motion from image to image, as a share of the image's longer side; too little where flow
+    step : 90th percentile of the motion from image to image, as a fraction of the image's longer side; too little where flow
         cannot follow.
     """
 

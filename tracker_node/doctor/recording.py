@@ -41,7 +41,7 @@ class CameraRecording:
     changes : mean absolute difference of each image to the one before, gray levels; not-a-number for the first.
     combs : `comb_ratio` of some pairs of successive images in which enough moves.
     view_shifts : how the background has moved, now and then.
-    picture : the image in the middle of those seen so far, BGR, for the report (its index is ``picture_index``).
+    shown : the image in the middle of those seen so far, BGR, for the report (its index is ``shown_index``).
     problems, notes : what went wrong while reading, and what is unusual about the source, one sentence each.
     """
 
@@ -54,8 +54,8 @@ class CameraRecording:
     changes: list[float] = field(default_factory=list)
     combs: list[float] = field(default_factory=list)
     view_shifts: list[ViewShift] = field(default_factory=list)
-    picture: np.ndarray | None = None
-    picture_index: int = 0
+    shown: np.ndarray | None = None
+    shown_index: int = 0
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -86,8 +86,8 @@ class CameraRecording:
             if ratio is not None:
                 self.combs.append(ratio)
         self._look_at_background(index, gray)
-        if self.picture is None or index == self.n_expected // 2:
-            self.picture, self.picture_index = bgr, index
+        if self.shown is None or index == self.n_expected // 2:
+            self.shown, self.shown_index = bgr, index
         self._before = bgr
 
     def _look_at_background(self, index: int, gray: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""What the doctor leaves: a picture per camera, a page with all of them, and the findings as JSON."""
+"""What the doctor leaves: an image per camera, a page with all of them, and the findings as JSON."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .setup import Setup
 PAGE, JSON = "index.html", "findings.json"
 _LONGER_SIDE = 960
 _COLORS_BGR = ((60, 60, 230), (60, 180, 60), (230, 120, 40), (30, 190, 230), (200, 70, 200), (190, 190, 60))
-_MOVES = 0.3  # share of full motion from which on a place is drawn
+_MOVES = 0.3  # fraction of full motion from which on a place is drawn
 _LINE_TEXT = (
     "Filled: what moves. Lines, in the other cameras' colors: where the highest and the lowest place that moves in their images"
     " must lie if lenses, places and clocks are true; they should run through the same parts here."
@@ -51,13 +51,13 @@ def write_examination(
     ]
     for camera in rig:
         recording = recordings[camera.name]
-        if recording.picture is None:
+        if recording.shown is None:
             continue
         path = folder / f"{camera.name}.png"
         own = [finding for finding in examination.findings if not finding.cameras or camera.name in finding.cameras]
-        cv2.imwrite(str(path), _picture(camera, recording, examination, own, colors))
-        sections.append(PageSection(camera.name, " ".join(f.sentence for f in own) or "Nothing found.", picture=path))
-    sections.insert(1, PageSection("The pictures", _LINE_TEXT))
+        cv2.imwrite(str(path), _page_image(camera, recording, examination, own, colors))
+        sections.append(PageSection(camera.name, " ".join(f.sentence for f in own) or "Nothing found.", image=path))
+    sections.insert(1, PageSection("The images", _LINE_TEXT))
     write_page(folder / PAGE, "Check of a rig", sections)
     (folder / JSON).write_text(json.dumps(as_json(examination), indent=2) + "\n", encoding="utf-8")
     return folder / PAGE
@@ -83,7 +83,7 @@ def _summary(examination: Examination) -> str:
     return " ".join([f"{faults[0].upper()}{faults[1:]}.", *examination.notes])
 
 
-def _picture(
+def _page_image(
     camera: Camera,
     recording: CameraRecording,
     examination: Examination,
@@ -91,13 +91,13 @@ def _picture(
     colors: Mapping[str, tuple[int, int, int]],
 ) -> np.ndarray:
     """The camera's image of a time step in mid-recording, with what moves in it and what the other cameras say about that."""
-    image = recording.picture
+    image = recording.shown
     assert image is not None
     factor = _LONGER_SIDE / max(image.shape[:2])
     image = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR)
     setup = examination.setup
     if setup is not None and camera.name in setup.motions:
-        time_step = int(np.abs(examination.grid_ns - recording.stamps_ns[recording.picture_index]).argmin())
+        time_step = int(np.abs(examination.grid_ns - recording.stamps_ns[recording.shown_index]).argmin())
         _draw_motion(image, camera.name, setup, time_step, colors, factor)
     text = [finding.sentence for finding in findings] or ["nothing found"]
     return np.vstack([_banner(f"{camera.name}: " + "; ".join(text), image.shape[1], bool(findings)), image])

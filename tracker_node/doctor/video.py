@@ -15,7 +15,7 @@ from .recording import CameraRecording
 
 _MOVED_SHARE = 0.004  # of the image's longer side
 _EXPOSURE_CHANGE = 0.07
-_REPEATED_SHARE = 0.02
+_REPEATED_FRACTION = 0.02
 _GROWTH, _STEP = 1.36, 0.0125  # of `motion.Speed`
 _HARDLY_MORE = 1.15  # growth at which flow cannot follow and says little about the step
 _PRINCIPAL_POINT_OFF = 0.2  # of the image's width or height
@@ -101,15 +101,15 @@ def video_problems(recording: CameraRecording, everyone: list[CameraRecording]) 
         )  # fmt: skip
         good[before + 1 :] = False
     repeated = recording.repeated(everyone)
-    share = float(repeated[1:].mean()) if n > 1 else 0.0
-    if share > _REPEATED_SHARE:
+    fraction = float(repeated[1:].mean()) if n > 1 else 0.0
+    if fraction > _REPEATED_FRACTION:
         findings.append(
             Finding(
                 "repeated", (name,),
                 f"{name}: {repeated.sum()} of {n} images are the one before once more (the first at"
                 f" {seconds(int(np.argmax(repeated))):.2f} s), though things move: images are lost on the way, or the"
                 " file claims a higher rate than the camera's.",
-                {"share": share},
+                {"share": fraction},
             )
         )  # fmt: skip
     good &= ~repeated

@@ -49,7 +49,7 @@ def procrustes_aligned(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarra
 
 
 def pa_mpjpe(estimate: np.ndarray, truth: np.ndarray, valid: np.ndarray) -> float:
-    """Mean joint error after `procrustes_aligned`: what is left is posture, without place, heading and size.
+    """Mean joint error after `procrustes_aligned`: what is left is the pose of the joints, without place, heading and size.
 
     Known as protocol 2 of Human3.6M (Ionescu et al., IEEE PAMI 36, 2014). Sets with fewer than three valid joints do not count.
 

@@ -123,8 +123,10 @@ class Review:
         for key, spread in zip(_LENGTHS_MM, self.joint_spreads(), strict=True):
             metrics |= {f"{key}_rms_mm": spread.rms, f"{key}_p95_mm": spread.p95, f"{key}_max_mm": spread.max}
         metrics["pa_mpjpe_mm"] = 1e3 * pose_metrics.pa_mpjpe(e.estimate_m, e.truth_m, e.raw.valid)
-        shares = pose_metrics.pck(e.raw.errors_m, e.raw.valid, np.array(pose_metrics.PCK_THRESHOLDS_M))
-        metrics |= {f"pck_{1e3 * m:.0f}mm": float(share) for m, share in zip(pose_metrics.PCK_THRESHOLDS_M, shares, strict=True)}
+        fractions = pose_metrics.pck(e.raw.errors_m, e.raw.valid, np.array(pose_metrics.PCK_THRESHOLDS_M))
+        metrics |= {
+            f"pck_{1e3 * m:.0f}mm": float(fraction) for m, fraction in zip(pose_metrics.PCK_THRESHOLDS_M, fractions, strict=True)
+        }
         metrics["pck_auc_150mm"] = pose_metrics.pck_auc(e.raw.errors_m, e.raw.valid)
         if self.directions is not None:
             metrics["segment_direction_deg"] = spread_of(self.directions.angle_deg, self.directions.valid).mean

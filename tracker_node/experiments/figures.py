@@ -54,16 +54,16 @@ def draw_figures(folder: Path, rig_file: str | None, quick: bool) -> None:
         metrics[f"surface_distance.{row.segment}_max_mm"] = row.max_mm
     write_metrics(folder / "metrics.json", metrics)
     write_page(folder / "report.html", "Bodies, matching, cameras", [
-        PageSection("Fig. 1", "The body of the target images, and the one that tracks it.", picture=folder / "fig1.png"),
+        PageSection("Fig. 1", "The body of the target images, and the one that tracks it.", image=folder / "fig1.png"),
         PageSection("How far their surfaces lie apart", preformatted=table),
-        PageSection("Fig. 2", "A target image, and the body in an estimate that is still off.", picture=folder / "fig2.png"),
-        PageSection("Fig. 3", "The cameras from above.", picture=folder / "fig3.png"),
+        PageSection("Fig. 2", "A target image, and the body in an estimate that is still off.", image=folder / "fig2.png"),
+        PageSection("Fig. 3", "The cameras from above.", image=folder / "fig3.png"),
     ])  # fmt: skip
     say(f"wrote {folder}/fig1.png, fig2.png, fig3.png, surface_distance.txt, metrics.json and report.html")
 
 
 def _portrait_rig(height: int) -> Any:
-    """Front, side and half-side view of a standing body, upright pictures."""
+    """Front, side and half-side view of a standing body, upright images."""
     width, middle = round(0.5 * height), np.array([0.0, 0.0, -0.33])  # the pelvis is at the origin
     K = np.array([[3.7 * height, 0.0, 0.5 * (width - 1)], [0.0, 3.7 * height, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
     cameras = []

@@ -1,4 +1,4 @@
-"""Pictures of the color experiments, like the figures of Trewartha, Yeadon & Knight. Images are BGR uint8."""
+"""Images of the color experiments, like the figures of Trewartha, Yeadon & Knight. Images are BGR uint8."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def success_figure(starts: Sequence[str], rates: Mapping[str, Sequence[float]]) 
         ax.plot(np.arange(len(starts)), values, "os^Dv"[i % 5] + "-", color=color, lw=1.6, ms=5, label=name)
     ax.set_xticks(np.arange(len(starts)), starts)
     ax.set_ylim(-0.03, 1.03)
-    ax.set_ylabel("share that arrives")
+    ax.set_ylabel("fraction that arrives")
     plain_axes(ax, "", "error of the start")
     ax.legend(frameon=False, fontsize=8, loc="lower left")
     return figure
@@ -115,7 +115,7 @@ def sequence_figure(rows: Mapping[str, Sequence[np.ndarray]]) -> Figure:
 
     Parameters
     ----------
-    rows : title -> BGR images on black, of one size within a row. Every picture is cut to the widest body of its row and keeps
+    rows : title -> BGR images on black, of one size within a row. Every image is cut to the widest body of its row and keeps
         its height in the image.
     """
     strips = {title: _strip(images) for title, images in rows.items()}

@@ -20,7 +20,7 @@ from ..render.renderer import Region
 
 
 class TargetStudio:
-    """Takes pictures of bodies under the lights of a rig. Use it in a ``with`` statement (it may hold an OpenGL context).
+    """Takes images of bodies under the lights of a rig. Use it in a ``with`` statement (it may hold an OpenGL context).
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class TargetStudio:
         Parameters
         ----------
         configuration : the body in a state.
-        backgrounds : a BGR picture per camera, or None for black.
+        backgrounds : a BGR image per camera, or None for black.
         image_number : each has another noise.
 
         Returns
@@ -115,7 +115,7 @@ class TargetStudio:
         return _rounded(seen + sigma * rng.standard_normal(shape, dtype=np.float32))
 
     def _body(self, index: int, configuration: Configuration, region: Region) -> tuple[np.ndarray, np.ndarray]:
-        """Colors (h, w, 3) BGR float32, already weighted by the share (h, w) of each pixel of ``region`` that the body covers."""
+        """Colors (h, w, 3) BGR float32, weighted by the fraction (h, w) of each pixel of ``region`` that the body covers."""
         n = self.supersampling
         u0, v0, u1, v1 = (n * end for end in region)
         view = self._renderer.render_color(configuration, self._large[index], self.rig.lights, (u0, v0, u1, v1))

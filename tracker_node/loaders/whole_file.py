@@ -22,7 +22,7 @@ JSON_BYTES = 64 * MB
 TABLE_BYTES = 1_000 * MB
 """Tables of numbers: CSV, TRC, MOT, STO, TUM, BVH, stamps, C3D."""
 MEDIA_BYTES = 1_000 * MB
-"""One picture or mesh."""
+"""One image or mesh."""
 ARCHIVE_BYTES = 2_000 * MB
 """All files of an archive together, unpacked."""
 

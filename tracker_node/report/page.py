@@ -1,4 +1,4 @@
-"""A page of tables and pictures that needs nothing beside it: what an experiment or a calibration leaves for its reader."""
+"""A page of tables and images that needs nothing beside it: what an experiment or a calibration leaves for its reader."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from .metrics_file import command_line, cpu, versions
 
 @dataclass(frozen=True, eq=False)
 class PageSection:
-    """A heading with a sentence, then a table, a picture, or plain text; what is empty is left out.
+    """A heading with a sentence, then a table, an image, or plain text; what is empty is left out.
 
     Parameters
     ----------
     table : rows of texts, the first of them the headings.
-    picture : a PNG file, or pixels (h, w, 3) BGR.
+    image : a PNG file, or pixels (h, w, 3) BGR.
     """
 
     title: str = ""
     text: str = ""
     table: Sequence[Sequence[str]] = ()
-    picture: Path | np.ndarray | None = None
+    image: Path | np.ndarray | None = None
     preformatted: str = ""
 
 
@@ -45,15 +45,15 @@ def write_page(path: str | Path, title: str, sections: Sequence[PageSection]) ->
     source = files(__package__).joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     page = environment.from_string(source).render(
-        title=title, sections=[(section, _data_uri(section.picture)) for section in sections], command=command_line(),
+        title=title, sections=[(section, _data_uri(section.image)) for section in sections], command=command_line(),
         versions=versions(), cpu=cpu(), made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )  # fmt: skip
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(page, encoding="utf-8")
 
 
-def _data_uri(picture: Path | np.ndarray | None) -> str:
-    if picture is None:
+def _data_uri(image: Path | np.ndarray | None) -> str:
+    if image is None:
         return ""
-    png = picture.read_bytes() if isinstance(picture, Path) else cv2.imencode(".png", picture)[1].tobytes()
+    png = image.read_bytes() if isinstance(image, Path) else cv2.imencode(".png", image)[1].tobytes()
     return f"data:image/png;base64,{base64.b64encode(png).decode()}"

@@ -179,7 +179,7 @@ class _PrintedPages:
         return self._on().add_axes(box)
 
     def _box(self, left: float, width: float, height: float, above: float, below: float) -> tuple[float, float, float, float]:
-        """Shares of the page, for inches below the point reached; ``above`` and ``below`` are left free for labels."""
+        """Fractions of the page, for inches below the point reached; ``above`` and ``below`` are left free for labels."""
         bottom = MARGIN_IN + self._y_in - height + below
         return ((MARGIN_IN + left) / PAGE_IN[0], bottom / PAGE_IN[1], width / PAGE_IN[0], (height - above - below) / PAGE_IN[1])
 

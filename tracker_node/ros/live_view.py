@@ -237,7 +237,7 @@ class StatePoint:
 
 
 class LiveTracker:
-    """The newest state of a tracker, and a history of figures."""
+    """The newest state of a tracker, and its recent history."""
 
     def __init__(self) -> None:
         self._history: deque[StatePoint] = deque(maxlen=HISTORY)

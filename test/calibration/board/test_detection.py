@@ -109,7 +109,7 @@ def test_every_image_of_a_short_recording_is_looked_at(board_in):
     found = detect_boards({"a": Source(20)}, CHARUCO, most_images=20, progress=lambda *given: told.append(given))["a"]
     assert board_in.looked == list(range(20)) and found.looked_at == 20 and found.image_size == (160, 120)
     assert [v.stamp_ns for v in found.views] == [300_000_000, 500_000_000] and found.problems == ("cut off",)
-    assert found.picture[0, 0, 0] == 3 and found.blurred == 0 and found.backs == 0
+    assert found.image[0, 0, 0] == 3 and found.blurred == 0 and found.backs == 0
     assert told == [("looking for the board", done, 20) for done in (10, 20, 20)]
 
 

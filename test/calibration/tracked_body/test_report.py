@@ -84,11 +84,11 @@ def test_pictures_are_of_time_steps_in_between(n, time_steps, taken):
     state = State.neutral(ARM, se3.from_rotation_translation(np.eye(3), [0.0, 0.0, 0.8]))
     bgr = np.full((480, 640, 3), 50, np.uint8)
     sets = [ImageSet(i, (CameraImage("cam01", i, bgr),)) for i in range(n)]
-    pictures = before_and_after(sets, (ARM, RIG, [state] * n), (longer(), RIG, [state] * n), time_steps)
-    assert [one.text.split(" of ")[0] for one in pictures] == [f"cam01, image set {k}" for k in taken]
-    for one in pictures:
-        assert one.picture.shape[0] == 420
-        assert one.picture.shape[1] % 2 == 0  # two alike beside each other
-        left, right = np.hsplit(one.picture, 2)
+    images = before_and_after(sets, (ARM, RIG, [state] * n), (longer(), RIG, [state] * n), time_steps)
+    assert [one.text.split(" of ")[0] for one in images] == [f"cam01, image set {k}" for k in taken]
+    for one in images:
+        assert one.image.shape[0] == 420
+        assert one.image.shape[1] % 2 == 0  # two alike beside each other
+        left, right = np.hsplit(one.image, 2)
         assert np.any(left != 50)
         assert np.any(left != right)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.calibration.board import report as board_figures
+from tracker_node.calibration.board import report as board_report
 from tracker_node.cli.calibrate import background, body, intrinsics
 from tracker_node.cli.calibrate import rig as rig_command
 from tracker_node.errors import CalibrationError, FileFormatError
@@ -28,9 +28,9 @@ def rig_options(*arguments, videos=("a.mp4",)):
 
 def test_milliseconds_become_seconds():
     options = rig_options("--stamp-sigma-ms", "15", "--tolerance-ms", "8", "--sets", "3")
-    assert (options.stamp_sigma_s, options.tolerance_s, options.most_instants) == pytest.approx((0.015, 0.008, 3))
+    assert (options.stamp_sigma_s, options.tolerance_s, options.most_time_steps) == pytest.approx((0.015, 0.008, 3))
     assert rig_options().tolerance_s is None
-    assert (rig_options().stamp_sigma_s, rig_options().most_instants) == (0.02, 100)
+    assert (rig_options().stamp_sigma_s, rig_options().most_time_steps) == (0.02, 100)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_clocks_that_are_off_are_written_in_nanoseconds(monkeypatch, capsys, wri
         "cam01": SimpleNamespace(clock_s=0.02, clock_is_off=False),
         "cam02": SimpleNamespace(clock_s=0.0125, clock_is_off=True),
     }
-    monkeypatch.setattr(board_figures, "camera_figures", lambda found: late)
+    monkeypatch.setattr(board_report, "camera_metrics", lambda found: late)
     args = SimpleNamespace(write_clocks=write)
     result = rig_command._with_sources(args, SimpleNamespace(rig=rig), {"cam01": "a.mp4", "cam02": None})
     assert [camera.time_offset_ns for camera in result] == offsets

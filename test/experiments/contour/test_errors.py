@@ -16,7 +16,7 @@ from tracker_node.experiments.contour.errors import (
     until_converged,
     valley,
 )
-from tracker_node.experiments.contour.pictures import shoot
+from tracker_node.experiments.contour.figures import shoot
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tracker_node.experiments.contour import clips, experiment, pictures, tracking
+from tracker_node.experiments.contour import clips, experiment, figures, tracking
 from tracker_node.experiments.plots import Profile
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import TrackerConfig
@@ -30,11 +30,11 @@ def test_valleys_are_told_by_their_means_and_the_shortest_rise():
     changes = np.arange(-50.0, 51.0, 10.0)
     left = Profile(changes, np.abs(changes + 10.0) / 10.0)  # lowest at -10
     right = Profile(changes, np.abs(changes - 20.0) / 10.0)  # at 20, rising for 30 to the end
-    found = tracking.valley_figures("p", "mm", [left, right])
+    found = tracking.valley_metrics("p", "mm", [left, right])
     assert set(found) == {"p.minimum_off_mm", "p.flat_mm", "p.rising_mm"}
     assert found["p.minimum_off_mm"] == pytest.approx(15.0)
     assert found["p.rising_mm"] == pytest.approx(30.0)
-    assert tracking.valley_figures("p", "mm", [left])["p.rising_mm"] == pytest.approx(40.0)
+    assert tracking.valley_metrics("p", "mm", [left])["p.rising_mm"] == pytest.approx(40.0)
 
 
 def test_what_is_compared_is_with_over_without():
@@ -80,13 +80,13 @@ def test_the_part_is_as_thick_as_it_is_told_to_be(thickness):
 
 def sequence_numbers(n, monkeypatch):
     asked = []
-    monkeypatch.setattr(pictures, "_sequence", lambda clip, run, camera, numbers: (asked.extend(numbers), ([], []))[1])
+    monkeypatch.setattr(figures, "_sequence", lambda clip, run, camera, numbers: (asked.extend(numbers), ([], []))[1])
     clip = SimpleNamespace(rig=SimpleNamespace(cameras=["first"]), name="c")
-    assert pictures.sequence_pictures(None, clip, SimpleNamespace(estimates=[None] * n)) == []
+    assert figures.sequence_figures(None, clip, SimpleNamespace(estimates=[None] * n)) == []
     return asked
 
 
-def test_six_instants_are_shown_of_the_whole_clip(monkeypatch):
+def test_six_time_steps_are_shown_of_the_whole_clip(monkeypatch):
     assert sequence_numbers(60, monkeypatch) == [5, 16, 27, 37, 48, 59]
     assert sequence_numbers(3, monkeypatch) == [0, 1, 2]
 
@@ -95,21 +95,21 @@ def test_a_shot_is_of_the_pose_before_and_the_one_found(monkeypatch):
     states = [State(np.eye(4), np.zeros(0)) for _ in range(3)]
     taken = []
     monkeypatch.setattr(
-        pictures, "shoot", lambda camera, image, before, found, *_: taken.append((before.state, found.state)) or "shot"
+        figures, "shoot", lambda camera, image, before, found, *_: taken.append((before.state, found.state)) or "shot"
     )
     camera = SimpleNamespace(name="a")
     clip = SimpleNamespace(backgrounds={"a": np.zeros(1)}, model=experiment.part_model(), config=TrackerConfig())
     run = SimpleNamespace(estimates=[SimpleNamespace(state=state) for state in states])
     image_set = SimpleNamespace(get=lambda name: SimpleNamespace(bgr=np.zeros((2, 2, 3))))
-    assert pictures._shot(clip, run, camera, 2, image_set) == "shot"
-    assert pictures._shot(clip, run, camera, 0, image_set) == "shot"
+    assert figures._shot(clip, run, camera, 2, image_set) == "shot"
+    assert figures._shot(clip, run, camera, 0, image_set) == "shot"
     (before, found), (first, same) = taken
     assert before is states[1]
     assert found is states[2]
     assert first is same is states[0]
-    assert pictures._shot(clip, run, camera, 1, SimpleNamespace(get=lambda name: None)) is None
+    assert figures._shot(clip, run, camera, 1, SimpleNamespace(get=lambda name: None)) is None
     clip.backgrounds = {}
-    assert pictures._shot(clip, run, camera, 1, image_set) is None
+    assert figures._shot(clip, run, camera, 1, image_set) is None
 
 
 def test_recordings_are_kept_by_name_and_length(tmp_path, monkeypatch, capsys):

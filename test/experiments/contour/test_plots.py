@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.experiments.contour.errors import PUBLISHED, TITLES
-from tracker_node.experiments.contour.pictures import RowPicture, row_figure, tracking_figure, variables_figure
+from tracker_node.experiments.contour.figures import RowFigure, row_figure, tracking_figure, variables_figure
 from tracker_node.experiments.plots import Profile
 
 X = np.linspace(-2.0, 2.0, 5)
@@ -18,7 +18,7 @@ def test_a_row_of_an_image():
         "a model": {key: Profile(10.0 * X, X**2 + i) for i, key in enumerate(PUBLISHED)},
         "a thin one": {key: Profile(20.0 * X, X**2 + 10.0 * i) for i, key in enumerate(PUBLISHED)},
     }
-    figure = row_figure(RowPicture(silhouette, edges, 100, 149.5, distances, errors))
+    figure = row_figure(RowFigure(silhouette, edges, 100, 149.5, distances, errors))
     shown_edges, shown_silhouette, *charts = figure.axes
     assert np.array_equal(shown_silhouette.images[0].get_array(), silhouette[35:165, 95:205])
     assert np.array_equal(shown_edges.images[0].get_array(), edges[35:165, 95:205])

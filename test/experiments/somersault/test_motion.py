@@ -12,7 +12,7 @@ from tracker_node.experiments.somersault.scene import (
     INERTIA,
     POSTURE_DEG,
     SomersaultRanges,
-    posture,
+    pose_angles,
     rigid_body,
     somersault_rig,
     somersault_states,
@@ -56,7 +56,7 @@ def test_angular_momentum_is_lateral_and_constant():
 
 def test_inertia_is_that_of_the_body_by_random_points():
     rng = np.random.default_rng(3)
-    configuration = Configuration(BODY, State(np.eye(4), posture(BODY, POSTURE_DEG)))
+    configuration = Configuration(BODY, State(np.eye(4), pose_angles(BODY, POSTURE_DEG)))
     points, weights = [], []
     for shape, T in zip(BODY.shapes, configuration.Ts_world_shape, strict=True):
         cube = rng.uniform(-1.0, 1.0, (8000, 3))
@@ -70,7 +70,7 @@ def test_inertia_is_that_of_the_body_by_random_points():
     assert np.allclose(inertia, INERTIA, atol=0.003)
 
 
-def test_states_keep_one_posture():
+def test_states_keep_their_joint_angles():
     variables = somersault_variables(11)
     states = somersault_states(BODY, variables, {"left_knee_flexion": 20.0})
     index = BODY.chain.axis_index("left_knee_flexion")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.model.mesh_file import read_picture, write_mesh, write_picture
+from tracker_node.loaders.model.mesh_file import read_texture, write_mesh, write_texture
 from tracker_node.model.shapes.primitives import Mesh
 
 VERTICES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 1.0]])
@@ -77,14 +77,14 @@ PICTURE = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
 
 
 def test_a_picture_is_there_and_back(tmp_path):
-    write_picture(PICTURE, tmp_path / "a.png")
-    np.testing.assert_array_equal(read_picture(tmp_path / "a.png", "m.yaml", "texture"), PICTURE)
+    write_texture(PICTURE, tmp_path / "a.png")
+    np.testing.assert_array_equal(read_texture(tmp_path / "a.png", "m.yaml", "texture"), PICTURE)
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png"))[..., ::-1], PICTURE)  # red first, blue last
 
 
 def test_gray_is_read_as_three_alike(tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), PICTURE[..., 0])
-    found = read_picture(tmp_path / "a.png", "m.yaml", "texture")
+    found = read_texture(tmp_path / "a.png", "m.yaml", "texture")
     assert found.shape == (4, 6, 3)
     for channel in range(3):
         np.testing.assert_array_equal(found[..., channel], PICTURE[..., 0])
@@ -98,12 +98,12 @@ def test_gray_is_read_as_three_alike(tmp_path):
 def test_other_pictures_are_refused(tmp_path, picture, got):
     cv2.imwrite(str(tmp_path / "a.png"), picture)
     with pytest.raises(FileFormatError, match=f"m.yaml.*texture.*{got}"):
-        read_picture(tmp_path / "a.png", "m.yaml", "texture")
+        read_texture(tmp_path / "a.png", "m.yaml", "texture")
 
 
 def test_files_that_are_none(tmp_path):
-    with pytest.raises(FileFormatError, match="an existing picture"):
-        read_picture(tmp_path / "a.png", "m.yaml", "texture")
-    (tmp_path / "a.png").write_text("no picture")
-    with pytest.raises(FileFormatError, match="a readable picture"):
-        read_picture(tmp_path / "a.png", "m.yaml", "texture")
+    with pytest.raises(FileFormatError, match="an existing texture"):
+        read_texture(tmp_path / "a.png", "m.yaml", "texture")
+    (tmp_path / "a.png").write_text("no texture")
+    with pytest.raises(FileFormatError, match="a readable texture"):
+        read_texture(tmp_path / "a.png", "m.yaml", "texture")

@@ -72,12 +72,12 @@ class BoardEquations:
             self._by_time_step(rows, np.einsum("mr,mri->mi", weighted, rows.by_camera)),
             self._by_time_step(rows, np.einsum("mr,mri->mi", weighted, rows.by_pose)),
         )
-        part, share = self.part(rows.camera), stamps.gradient / stamps.precision
+        part, slope = self.part(rows.camera), stamps.gradient / stamps.precision
         with_camera, with_pose = stamps.with_camera / stamps.precision[:, None], stamps.with_pose / stamps.precision[:, None]
         self.cameras[part, part] -= stamps.with_camera.T @ with_camera
-        self.gradient_cameras[part] -= stamps.with_camera.T @ share
+        self.gradient_cameras[part] -= stamps.with_camera.T @ slope
         self.poses -= with_pose[:, :, None] * stamps.with_pose[:, None]
-        self.gradient_poses -= stamps.with_pose * share[:, None]
+        self.gradient_poses -= stamps.with_pose * slope[:, None]
         self.mixed[:, part] -= with_camera[:, :, None] * stamps.with_pose[:, None]
         self.stamps.append(stamps)
 
@@ -154,6 +154,6 @@ class _Stamps:
 
 
 def _damped(matrices: np.ndarray, damping: float) -> np.ndarray:
-    """Matrices (..., k, k) with their diagonals made larger by a share."""
+    """Matrices (..., k, k) with their diagonals made larger by a fraction."""
     diagonals = np.einsum("...ii->...i", matrices)
     return matrices + (damping * diagonals + 1e-12)[..., None] * np.eye(matrices.shape[-1])

@@ -22,11 +22,11 @@ from .refinement import rows_of, view_errors
 from .rig import BoardRig
 from .views import CameraViews
 
-_WIDTH = 640  # of a picture of coverage
+_WIDTH = 640  # of an image of coverage
 _GOOD, _BAD = (90, 220, 90), (60, 60, 255)  # BGR
 _BAD_PX = 1.0
 ENOUGH_COVERED = 0.4  # of an image, for a lens that can be relied on
-_CELLS = 8  # along the longer side of an image, for the share that is covered
+_CELLS = 8  # along the longer side of an image, for the fraction that is covered
 
 
 def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[PageSection]:
@@ -41,7 +41,7 @@ def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[PageSec
     -------
     One section a table.
     """
-    figures = camera_metrics(found)
+    metrics = camera_metrics(found)
     cameras = [
         (
             name, str(c.views), str(len(c.pixels)), f"{c.rms_px:.2f}", f"{c.median_px:.2f}",
@@ -49,14 +49,14 @@ def rig_tables(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[PageSec
             f"{np.degrees(c.turn_sigma_rad):.2f}", f"{1e3 * c.clock_s:+.1f} ± {1e3 * c.clock_sigma_s:.1f}",
             f"{1e3 * c.jitter_s:.1f}",
         )
-        for name, c in figures.items()
+        for name, c in metrics.items()
     ]  # fmt: skip
     measured = ("images", "corners", "rms px", "median px", "covered %", "place ± mm", "turn ± deg", "later ms", "jitter ms")
     tables = [PageSection("Cameras", table=(("camera", *measured), *cameras))]
     pairs = [(f"{a} {b}", str(n), f"{error:.2f}") for (a, b), (n, error) in pair_metrics(found).items()]
     tables.append(PageSection("Pairs", table=(("cameras", "images", "rms px"), *pairs)))
     for camera in found.rig:
-        tables.append(lens_table(camera.name, camera.model, figures[camera.name].lens_sigma))
+        tables.append(lens_table(camera.name, camera.model, metrics[camera.name].lens_sigma))
     return [*tables, outlier_table(found.outliers)]
 
 
@@ -97,7 +97,7 @@ def format_table(table: PageSection) -> str:
     return "\n".join(lines)
 
 
-def coverage_picture(seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> np.ndarray:
+def coverage_image(seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> np.ndarray:
     """All corners over one of the images, from green (fits) to red (a pixel off, or more).
 
     Parameters
@@ -111,19 +111,19 @@ def coverage_picture(seen: CameraViews, pixels: np.ndarray, residuals_px: np.nda
     """
     width, height = seen.image_size
     scale = _WIDTH / width
-    picture = np.full((round(scale * height), _WIDTH, 3), 40, dtype=np.uint8)
-    if seen.picture is not None:
-        small = cv2.resize(seen.picture, picture.shape[1::-1], interpolation=cv2.INTER_AREA)
-        picture = (0.45 * small).astype(np.uint8)
+    image = np.full((round(scale * height), _WIDTH, 3), 40, dtype=np.uint8)
+    if seen.image is not None:
+        small = cv2.resize(seen.image, image.shape[1::-1], interpolation=cv2.INTER_AREA)
+        image = (0.45 * small).astype(np.uint8)
     for pixel, residual in zip(pixels, residuals_px, strict=True):
-        share = min(1.0, float(np.linalg.norm(residual)) / _BAD_PX)
-        color = tuple((1.0 - share) * good + share * bad for good, bad in zip(_GOOD, _BAD, strict=True))
+        fraction = min(1.0, float(np.linalg.norm(residual)) / _BAD_PX)
+        color = tuple((1.0 - fraction) * good + fraction * bad for good, bad in zip(_GOOD, _BAD, strict=True))
         center = np.rint(scale * (pixel + 0.5) - 0.5).astype(int)
-        cv2.circle(picture, (int(center[0]), int(center[1])), 2, color, -1, cv2.LINE_AA)
-    return picture
+        cv2.circle(image, (int(center[0]), int(center[1])), 2, color, -1, cv2.LINE_AA)
+    return image
 
 
-def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, CameraViews]) -> list[PageSection]:
+def lens_images(found: Mapping[str, LensCalibration], seen: Mapping[str, CameraViews]) -> list[PageSection]:
     """Coverage of single cameras.
 
     Parameters
@@ -136,12 +136,12 @@ def lens_pictures(found: Mapping[str, LensCalibration], seen: Mapping[str, Camer
     One section a camera.
     """
     return [
-        _picture(name, seen[name], np.concatenate([view.pixels for view in c.views]), np.concatenate(c.residuals_px))
+        _image(name, seen[name], np.concatenate([view.pixels for view in c.views]), np.concatenate(c.residuals_px))
         for name, c in found.items()
     ]
 
 
-def rig_pictures(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[PageSection]:
+def rig_images(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[PageSection]:
     """Coverage of all cameras of a rig.
 
     Parameters
@@ -153,23 +153,23 @@ def rig_pictures(found: BoardRig, seen: Mapping[str, CameraViews]) -> list[PageS
     -------
     One section a camera.
     """
-    return [_picture(name, seen[name], c.pixels, c.residuals_px) for name, c in camera_metrics(found).items()]
+    return [_image(name, seen[name], c.pixels, c.residuals_px) for name, c in camera_metrics(found).items()]
 
 
-def _picture(name: str, seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> PageSection:
-    share = 100 * covered(pixels, seen.image_size)
-    caption = f"{name}: {len(pixels)} corners, {share:.0f} % of the image covered; green fits, red is a pixel off or more"
-    return PageSection(text=caption, picture=coverage_picture(seen, pixels, residuals_px))
+def _image(name: str, seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> PageSection:
+    fraction = 100 * covered(pixels, seen.image_size)
+    caption = f"{name}: {len(pixels)} corners, {fraction:.0f} % of the image covered; green fits, red is a pixel off or more"
+    return PageSection(text=caption, image=coverage_image(seen, pixels, residuals_px))
 
 
-def write_pictures(folder: Path, names: Sequence[str], pictures: Sequence[PageSection]) -> list[Path]:
+def write_images(folder: Path, names: Sequence[str], images: Sequence[PageSection]) -> list[Path]:
     """Write ``coverage_<camera>.png`` files.
 
     Parameters
     ----------
     folder : where; it is made.
     names : of the cameras.
-    pictures : one section a camera, in the same order.
+    images : one section a camera, in the same order.
 
     Returns
     -------
@@ -177,9 +177,9 @@ def write_pictures(folder: Path, names: Sequence[str], pictures: Sequence[PageSe
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"coverage_{name}.png" for name in names]
-    for file, section in zip(files, pictures, strict=True):
-        assert isinstance(section.picture, np.ndarray)
-        cv2.imwrite(str(file), section.picture)
+    for file, section in zip(files, images, strict=True):
+        assert isinstance(section.image, np.ndarray)
+        cv2.imwrite(str(file), section.image)
     return files
 
 
@@ -200,7 +200,7 @@ def write_rig_page(path: str | Path, found: BoardRig, seen: Mapping[str, CameraV
         " say, beside the first camera; 'jitter' what single images differ by. A pair's error is that of corners triangulated by"
         " these two.",
     ] + [f"{name}: {problem}" for name, camera in seen.items() for problem in camera.problems]
-    sections = [*(PageSection(text=note) for note in notes), *rig_tables(found, seen), *rig_pictures(found, seen)]
+    sections = [*(PageSection(text=note) for note in notes), *rig_tables(found, seen), *rig_images(found, seen)]
     write_page(path, "Rig from a board", sections)
 
 
@@ -336,17 +336,17 @@ def coverage_notes(pixels: Mapping[str, np.ndarray], sizes: Mapping[str, tuple[i
     """
     notes = []
     for name, corners in pixels.items():
-        share = covered(corners, sizes[name])
-        if share < ENOUGH_COVERED:
+        fraction = covered(corners, sizes[name])
+        if fraction < ENOUGH_COVERED:
             notes.append(
-                f"corners cover {100 * share:.0f} % of the image of {name}: its lens is not known beyond them;"
+                f"corners cover {100 * fraction:.0f} % of the image of {name}: its lens is not known beyond them;"
                 " bring the board nearer, and to the borders of the image"
             )
     return notes
 
 
 def rig_metrics(found: BoardRig) -> dict[str, float | int]:
-    """Flat metrics, ``rig.<camera or pair>.<figure>``."""
+    """Flat metrics, ``rig.<camera or pair>.<metric>``."""
     residuals = found.adjustment.residuals_px
     metrics: dict[str, float | int] = {
         "rig.sets": len(found.time_steps), "rig.corners": len(residuals), "rig.rms_px": rms(residuals),

@@ -47,7 +47,7 @@ def initial_lens(
     def error(model: CameraModel) -> float:
         return float(np.mean([min(board_poses(board, model, view)[1]) ** 2 for view in some]))
 
-    return min((lens(share * max(width, height)) for share in _FOCAL_STEPS), key=error)
+    return min((lens(fraction * max(width, height)) for fraction in _FOCAL_STEPS), key=error)
 
 
 def board_poses(board: Board, lens: CameraModel, view: BoardView) -> tuple[list[np.ndarray], list[float]]:

@@ -212,7 +212,7 @@ class CameraViews:
     looked_at, blurred : images searched, and views left out since they are blurred.
     backs : images in which the board's mirrored back was seen; every third without the board is searched for it.
     problems : of the source, such as an end before the last announced image.
-    picture : one of the images with the board, (h, w, 3) BGR.
+    image : one of the images with the board, (h, w, 3) BGR.
     """
 
     image_size: tuple[int, int]
@@ -220,7 +220,7 @@ class CameraViews:
     looked_at: int = 0
     blurred: int = 0
     problems: tuple[str, ...] = field(default=())
-    picture: np.ndarray | None = None
+    image: np.ndarray | None = None
     backs: int = 0
 
 
@@ -293,7 +293,7 @@ def without_blur(views: list[BoardView]) -> tuple[list[BoardView], int]:
 
 
 def _detect(source: ImageSource, board: Board, every_s: float, counter: _Counter) -> CameraViews:
-    detector, views, looked_at, picture, backs = BoardDetector(board), [], 0, None, 0
+    detector, views, looked_at, image, backs = BoardDetector(board), [], 0, None, 0
     for number, (stamp_ns, bgr) in enumerate(source):
         counter.add()
         if every_s and 1e-9 * (stamp_ns % round(1e9 * every_s)) >= BURST / source.rate_hz - 1e-6:
@@ -302,12 +302,12 @@ def _detect(source: ImageSource, board: Board, every_s: float, counter: _Counter
         view = detector.find(bgr, stamp_ns, number)
         if view is not None:
             views.append(view)
-            picture = bgr if picture is None else picture
+            image = bgr if image is None else image
         elif looked_at % BURST == 1 or backs:
             backs += detector.sees_back(bgr)
     sharp, blurred = without_blur(views)
     size = source.width, source.height
-    return CameraViews(size, tuple(sharp), looked_at, blurred, tuple(source.counts.problems), picture, backs)
+    return CameraViews(size, tuple(sharp), looked_at, blurred, tuple(source.counts.problems), image, backs)
 
 
 def _burst_period_s(sources: Mapping[str, ImageSource], most_images: int) -> float:

@@ -48,7 +48,7 @@ class ClockFit:
         says how far pairs of cameras contradict each other and themselves, not what all of them have wrong alike.
     drift, drift_sigma : by how much common time advances more than its clock, seconds a second.
     correlation : of its motion with that of the camera that it agrees with best.
-    runner_up : how well the best offset elsewhere agrees with all cameras, as a share of how well this one does. Near 1, as in
+    runner_up : how well the best offset elsewhere agrees with all cameras, as a fraction of how well this one does. Near 1, as in
         motion that repeats itself, either may be the right one.
     """
 

@@ -30,7 +30,7 @@ CONSTRAINTS = {
     "centered": ("f",),  # the seven that Open Inventor had: one angle of view, and a place
 }
 MIN_POINTS = 6
-_FLAT = 1e-3  # a cloud of points thinner than this share of its length is a plane
+_FLAT = 1e-3  # a cloud of points thinner than this fraction of its length is a plane
 _RANK = 1e-5  # smallest but one singular value of the design matrix, relative to the largest
 LARGEST_M = 200.0  # a volume for people and vehicles; in millimeters it would be 200 000
 SMALLEST_M = 0.02

@@ -22,7 +22,7 @@ from .dlt import calibrate, decompose, dlt_parameters, image_residuals, reconstr
 STAGES = ("linear", "refined", "restricted", "annealed", "polished")
 """Eleven parameters by the linear solution; by least squares in the image; seven as calculated back; annealed; polished."""
 
-_TURN_RAD, _MOVE, _ZOOM = 0.2, 0.2, 0.3  # how far annealing looks: angle; share of the distance; logarithm of the focal length
+_TURN_RAD, _MOVE, _ZOOM = 0.2, 0.2, 0.3  # how far annealing looks: angle; fraction of the distance; logarithm of the focal length
 
 
 @dataclass(frozen=True, eq=False)

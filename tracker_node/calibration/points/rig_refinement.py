@@ -30,7 +30,7 @@ class CameraChange:
     ----------
     rms_before_px, rms_after_px, median_before_px, median_after_px : distance of its 2D points from the projected ones.
     moved_m, turned_rad : how far its center and its axes went, in the world.
-    lag_images : by how many images its points come late against the other cameras' (a figure only; nothing is shifted).
+    lag_images : by how many images its points come late against the other cameras' (for information; nothing is shifted).
     n_points : how many of its 2D points were used.
     """
 
@@ -52,7 +52,7 @@ class Refinement:
     ----------
     rig : the cameras in their new places, in the world frame of the old ones.
     points, valid : (n_images, n_joints, 3) and (n_images, n_joints): the joints in the world, meters.
-    cameras : figures per camera name.
+    cameras : changes by camera name.
     shift_m : root mean square distance between the joints as triangulated with the old rig and with the new one.
     iterations, converged : of the bundle adjustment.
     """

@@ -293,21 +293,21 @@ def _report(
     problem: Problem, before: Solution, after: Solution, lines_before, lines_after, sigmas, iterations: int
 ) -> BodyFitReport:
     space, rig = problem.space, problem.rig
-    figures = [residuals_of(problem, s.found, lines) for s, lines in ((before, lines_before), (after, lines_after))]
+    residuals = [residuals_of(problem, s.found, lines) for s, lines in ((before, lines_before), (after, lines_after))]
     parameters = tuple(
         FittedParameter(p.name, float(value), float(sigma), float(prior))
         for p, value, sigma, prior in zip(space.parameters, after.found.s, sigmas, space.sigmas, strict=True)
     )
 
     def both(column: int, index: int) -> tuple[LineMetrics, LineMetrics]:
-        first, second = (line_metrics(f[:, 2][f[:, column] == index]) for f in figures)
+        first, second = (line_metrics(f[:, 2][f[:, column] == index]) for f in residuals)
         return first, second
 
     return BodyFitReport(
         parameters,
         {camera.name: both(0, i) for i, camera in enumerate(rig)},
         {shape.name: both(1, i) for i, shape in enumerate(space.model.shapes)},
-        (line_metrics(figures[0][:, 2]), line_metrics(figures[1][:, 2])),
+        (line_metrics(residuals[0][:, 2]), line_metrics(residuals[1][:, 2])),
         len(after.found.states),
         iterations,
         before.found.states,

@@ -1,4 +1,4 @@
-"""Page of a fit to images: figures before and after, and the outline before and after over some of the images."""
+"""Page of a fit to images: metrics before and after, and the outline before and after over some of the images."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ...report.page import PageSection, write_page
 from .body_fit import BodyFit, BodyFitReport, LineMetrics
 from .rig_fit import RigFit
 
-_PICTURE_HEIGHT = 420  # pixels
+_IMAGE_HEIGHT = 420  # pixels
 
 
 def before_and_after(
@@ -40,7 +40,7 @@ def before_and_after(
     -------
     One section a camera and set.
     """
-    pictures = []
+    images = []
     for k in np.unique(np.linspace(0, len(image_sets) - 1, min(time_steps, len(image_sets)) + 2).round().astype(int)[1:-1]):
         for i, camera in enumerate(after[1]):
             image = image_sets[k].get(camera.name)
@@ -53,29 +53,29 @@ def before_and_after(
                 bounds.append(body_extent(configuration, camera, (0, 0, camera.model.width, camera.model.height)))
             pair = np.hstack([_cut(side, bounds) for side in sides])
             caption = f"{camera.name}, image set {k + 1} of {len(image_sets)}: before and after"
-            pictures.append(PageSection(text=caption, picture=pair))
-    return pictures
+            images.append(PageSection(text=caption, image=pair))
+    return images
 
 
 def _cut(image: np.ndarray, bounds: Sequence[tuple[int, int, int, int] | None], margin: int = 20) -> np.ndarray:
-    """The part of an image where bodies are, in the height of a page's pictures."""
+    """The part of an image where bodies are, in the height of a page's images."""
     known = np.array([b for b in bounds if b is not None])
     if len(known):
         u0, v0 = np.maximum(known[:, :2].min(axis=0) - margin, 0)
         u1, v1 = known[:, 2:].max(axis=0) + margin
         image = image[v0:v1, u0:u1]
-    scale = _PICTURE_HEIGHT / image.shape[0]
-    return cv2.resize(image, (max(1, round(scale * image.shape[1])), _PICTURE_HEIGHT), interpolation=cv2.INTER_AREA)
+    scale = _IMAGE_HEIGHT / image.shape[0]
+    return cv2.resize(image, (max(1, round(scale * image.shape[1])), _IMAGE_HEIGHT), interpolation=cv2.INTER_AREA)
 
 
-def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineMetrics, LineMetrics]]) -> PageSection:
+def line_table(caption: str, name: str, metrics: Mapping[str, tuple[LineMetrics, LineMetrics]]) -> PageSection:
     """Table of distances of contour lines.
 
     Parameters
     ----------
     caption : of the table.
     name : heading of its first column.
-    figures : row -> before and after.
+    metrics : row -> before and after.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def line_table(caption: str, name: str, figures: Mapping[str, tuple[LineMetrics,
     """
     rows = [
         (key, str(b.count), f"{a.rms_px:.2f}", f"{b.rms_px:.2f}", f"{a.median_px:.2f}", f"{b.median_px:.2f}")
-        for key, (a, b) in figures.items()
+        for key, (a, b) in metrics.items()
     ]
     header = (name, "lines", "rms before, px", "after", "median before, px", "after")
     return PageSection(caption, table=(header, *rows))
@@ -161,8 +161,8 @@ def write_body_report(
         line_table("Cameras", "camera", report.cameras), line_table("Parts", "part", report.parts), parameter_table(report),
         measure_table(before, fit),
     ]  # fmt: skip
-    pictures = before_and_after(image_sets, (before, rig, report.states_before), (fit.model, rig, fit.states))
-    write_page(path, f"Body of {before.name} from images", [note, *tables, *pictures])
+    images = before_and_after(image_sets, (before, rig, report.states_before), (fit.model, rig, fit.states))
+    write_page(path, f"Body of {before.name} from images", [note, *tables, *images])
 
 
 def write_rig_report(
@@ -185,35 +185,35 @@ def write_rig_report(
         " rig, and a delay of less than three sigmas is taken for none."
     )
     cameras = {name: (c.before, c.after) for name, c in fit.cameras.items()}
-    pictures = before_and_after(image_sets, (given, rig, fit.states_before), (fit.model, fit.rig, fit.states))
+    images = before_and_after(image_sets, (given, rig, fit.states_before), (fit.model, fit.rig, fit.states))
     tables = [camera_table(fit), line_table("Contour lines", "camera", cameras)]
-    write_page(path, "Rig from the images of a body", [note, *tables, *pictures])
+    write_page(path, "Rig from the images of a body", [note, *tables, *images])
 
 
 def body_metrics(fit: BodyFit) -> dict[str, float | int]:
-    """Flat metrics, ``body.<camera or parameter>.<figure>``."""
+    """Flat metrics, ``body.<camera or parameter>.<metric>``."""
     report = fit.report
-    figures: dict[str, float | int] = {
+    metrics: dict[str, float | int] = {
         "body.sets": report.n_sets, "body.iterations": report.iterations, "body.lines": report.overall[1].count,
         "body.rms_before_px": report.overall[0].rms_px, "body.rms_after_px": report.overall[1].rms_px,
     }  # fmt: skip
     for kind in (report.cameras, report.parts):
         for name, (before, after) in kind.items():
-            figures[f"body.{name}.rms_before_px"], figures[f"body.{name}.rms_after_px"] = before.rms_px, after.rms_px
+            metrics[f"body.{name}.rms_before_px"], metrics[f"body.{name}.rms_after_px"] = before.rms_px, after.rms_px
     for parameter in report.parameters:
         key = f"body.{parameter.name.replace(' ', '_')}"
-        figures[key], figures[f"{key}_sigma"] = parameter.value, parameter.sigma
-    return figures
+        metrics[key], metrics[f"{key}_sigma"] = parameter.value, parameter.sigma
+    return metrics
 
 
 def rig_metrics(fit: RigFit) -> dict[str, float | int]:
-    """Flat metrics, ``refine.<camera>.<figure>``."""
-    figures: dict[str, float | int] = {
+    """Flat metrics, ``refine.<camera>.<metric>``."""
+    metrics: dict[str, float | int] = {
         "refine.sets": fit.n_sets, "refine.iterations": fit.iterations,
         "refine.rms_before_px": fit.overall[0].rms_px, "refine.rms_after_px": fit.overall[1].rms_px,
     }  # fmt: skip
     for name, c in fit.cameras.items():
-        figures |= {
+        metrics |= {
             f"refine.{name}.rms_before_px": c.before.rms_px, f"refine.{name}.rms_after_px": c.after.rms_px,
             f"refine.{name}.moved_mm": 1e3 * c.moved_m, f"refine.{name}.turned_deg": float(np.degrees(c.turned_rad)),
             f"refine.{name}.later_ms": 1e3 * c.later_s, f"refine.{name}.later_sigma_ms": 1e3 * c.later_sigma_s,
@@ -221,4 +221,4 @@ def rig_metrics(fit: RigFit) -> dict[str, float | int]:
             f"refine.{name}.turned_sigma_deg": float(np.degrees(c.turned_sigma_rad)),
             f"refine.{name}.focal_scale": c.focal_scale,
         }  # fmt: skip
-    return figures
+    return metrics

@@ -166,16 +166,16 @@ def fit_rig(
         after = loop.run("cameras", problem, after, robust_px, body.rounds).found
     problem, after, time_sigmas_s = _without_doubtful_times(problem, after, loop, options)
     lines = loop.draw(held, before), loop.draw(problem, after)
-    figures = residuals_of(held, before, lines[0]), residuals_of(problem, after, lines[1])
+    residuals = residuals_of(held, before, lines[0]), residuals_of(problem, after, lines[1])
     for i, camera in enumerate(rig):
-        count = int(np.sum(figures[1][:, 0] == i))
+        count = int(np.sum(residuals[1][:, 0] == i))
         if count < LEAST_LINES:
             raise CalibrationError(camera.name, f"hardly sees the body: {count} contour lines in {len(states)} image sets")
     sigmas = _sigmas(problem, after, lines[1], body.robust_px[-1])
     sigmas[:, TIME] = time_sigmas_s
     fitted, moved = settled(rig, problem, after)
-    cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], figures) for i, c in enumerate(rig)}
-    overall = line_metrics(figures[0][:, 2]), line_metrics(figures[1][:, 2])
+    cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], residuals) for i, c in enumerate(rig)}
+    overall = line_metrics(residuals[0][:, 2]), line_metrics(residuals[1][:, 2])
     return RigFit(fitted, space.body(after.s), moved, before.states, cameras, overall, len(states), loop.iterations)
 
 
@@ -289,8 +289,8 @@ def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, meter_rad: float 
     return T
 
 
-def _camera_fit(index: int, given, fitted, departure: np.ndarray, sigmas: np.ndarray, figures) -> CameraFit:
-    before, after = (line_metrics(f[:, 2][f[:, 0] == index]) for f in figures)
+def _camera_fit(index: int, given, fitted, departure: np.ndarray, sigmas: np.ndarray, residuals) -> CameraFit:
+    before, after = (line_metrics(f[:, 2][f[:, 0] == index]) for f in residuals)
     return CameraFit(
         before,
         after,

@@ -29,7 +29,7 @@ def add_board_arguments(parser: argparse.ArgumentParser) -> None:
     add("--distortion", choices=DISTORTIONS, default="plumb_bob",
         help="lens model; equidistant is for fisheyes, rational_polynomial for wide lenses (default: %(default)s)")  # fmt: skip
     add("--images", type=int, default=600, metavar="N", help="search about so many images a camera (default: %(default)s)")
-    add("--report", metavar="FILE", help="page with figures and pictures (default: beside the output, .html)")
+    add("--report", metavar="FILE", help="page with metrics and images (default: beside the output, .html)")
     add("--force", action="store_true", help="overwrite the output and the report")
     add("--quiet", action="store_true", help="no progress on stderr")
 

@@ -29,10 +29,10 @@ def run(args: argparse.Namespace) -> int:
         coverage_notes,
         covered,
         format_table,
-        lens_pictures,
+        lens_images,
         lens_table,
         outlier_table,
-        write_pictures,
+        write_images,
     )
     from ...camera.rig import Camera, CameraRig
     from ...errors import FileFormatError
@@ -53,19 +53,19 @@ def run(args: argparse.Namespace) -> int:
             progress("lenses", done, len(seen))
     rows = []
     for name, lens in found.items():
-        share = covered(np.concatenate([view.pixels for view in lens.views]), seen[name].image_size)
+        fraction = covered(np.concatenate([view.pixels for view in lens.views]), seen[name].image_size)
         K, sigma = lens.lens.K, lens.sigma
-        rows.append((name, str(len(lens.views)), str(len(lens.outliers)), f"{lens.rms_px:.2f}", f"{100 * share:.0f}",
+        rows.append((name, str(len(lens.views)), str(len(lens.outliers)), f"{lens.rms_px:.2f}", f"{100 * fraction:.0f}",
                      f"{K[0, 0]:.1f} ± {sigma[0]:.1f}", f"{K[0, 2]:.1f} {K[1, 2]:.1f} ± {max(sigma[2:4]):.1f}"))  # fmt: skip
     table = PageSection("Cameras", table=[("camera", "views", "left out", "rms px", "covered %", "focal px", "center px"), *rows])
     outliers = outlier_table([(name, view) for name, lens in found.items() for view in lens.outliers])
-    pictures = lens_pictures(found, seen)
+    images = lens_images(found, seen)
     rig = CameraRig(tuple(Camera(name, lens.lens, np.eye(4)) for name, lens in found.items()))
     write_rig_file(rig_file_of(rig), args.output)
     tables = [table, *(lens_table(name, lens.lens, lens.sigma) for name, lens in found.items()), outliers]
     text = f"{board}. Sigmas take the corners' errors as independent: lower bounds."
-    write_page(page, "Lenses from a board", [PageSection(text=text), *tables, *pictures])
-    files = write_pictures(page.parent, list(found), pictures)
+    write_page(page, "Lenses from a board", [PageSection(text=text), *tables, *images])
+    files = write_images(page.parent, list(found), images)
     print(format_table(table))
     for row in outliers.table[1:]:
         print(f"left out: image {row[1]} of {row[0]}")

@@ -39,11 +39,11 @@ def run(args: argparse.Namespace) -> int:
         camera_metrics,
         coverage_notes,
         format_table,
+        rig_images,
         rig_metrics,
-        rig_pictures,
         rig_tables,
         worst_views,
-        write_pictures,
+        write_images,
         write_rig_page,
     )
     from ...calibration.board.rig import calibrate_rig, check_for_rig
@@ -52,8 +52,8 @@ def run(args: argparse.Namespace) -> int:
     from ...report.progress import StageProgress
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
-    figures = page.with_suffix(".json")
-    refuse_to_overwrite(args, args.output, page, figures)
+    metrics_file = page.with_suffix(".json")
+    refuse_to_overwrite(args, args.output, page, metrics_file)
     board, sources = board_of(args), sources_of(args, args.stamps)
     check_for_rig(board)
     tracked_later = sources_by_name(args.sources, sources)
@@ -63,8 +63,8 @@ def run(args: argparse.Namespace) -> int:
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
     write_rig_file(rig_file_of(_with_sources(args, found, tracked_later)), args.output, base_dir=".")
     write_rig_page(page, found, seen)
-    write_metrics(figures, rig_metrics(found))
-    files = write_pictures(page.parent, found.rig.names, rig_pictures(found, seen))
+    write_metrics(metrics_file, rig_metrics(found))
+    files = write_images(page.parent, found.rig.names, rig_images(found, seen))
     cameras, pairs, *_, outliers = rig_tables(found, seen)
     for table in (cameras, pairs):
         print(format_table(table))
@@ -73,12 +73,12 @@ def run(args: argparse.Namespace) -> int:
     for row in outliers.table[1:]:
         print(f"left out: image {row[1]} of {row[0]}")
     if not args.keep_lenses:
-        pixels = {name: figure.pixels for name, figure in camera_metrics(found).items()}
+        pixels = {name: each.pixels for name, each in camera_metrics(found).items()}
         for note in coverage_notes(pixels, {name: camera.image_size for name, camera in seen.items()}):
             print(f"note: {note}")
     if not found.adjustment.converged:
-        print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the figures are good enough")
-    print(f"wrote {args.output}, {page}, {figures} and {', '.join(map(str, files))}")
+        print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the metrics are good enough")
+    print(f"wrote {args.output}, {page}, {metrics_file} and {', '.join(map(str, files))}")
     return 1 if left_out else 0
 
 
@@ -118,9 +118,9 @@ def _lenses(args: argparse.Namespace, sources):
 def _with_sources(args: argparse.Namespace, found, sources: dict[str, str | None]):
     from ...calibration.board.report import camera_metrics
 
-    figures, cameras = camera_metrics(found), []
+    metrics, cameras = camera_metrics(found), []
     for camera in found.rig:
-        late = figures[camera.name]
+        late = metrics[camera.name]
         offset_ns = round(1e9 * late.clock_s) if args.write_clocks and late.clock_is_off else 0
         cameras.append(replace(camera, source=sources[camera.name], time_offset_ns=offset_ns))
         if late.clock_is_off:

@@ -47,18 +47,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _read(args: argparse.Namespace):
-    from ...loaders.model.mesh_file import read_picture
+    from ...loaders.model.mesh_file import read_texture
 
     if args.width is None or not 0.0 < args.width < 100.0:
         raise wrong_option("--width", "the plate's width in meters, with --picture", args.width)
-    picture = read_picture(Path(args.picture), "command line", "--picture")
+    picture = read_texture(Path(args.picture), "command line", "--picture")
     return picture, picture.shape[1] / args.width
 
 
 def _drawn(args: argparse.Namespace):
     import cv2
 
-    from ...calibration.texture import charuco_picture
+    from ...calibration.texture import charuco_texture
 
     columns, rows = size_option("--charuco", args.charuco, "columns x rows from 2x2 to 100x100, such as 4x5", 2, 100)
     if args.square is None or not 0.0 < args.square < 10.0:
@@ -67,6 +67,6 @@ def _drawn(args: argparse.Namespace):
     texels_per_m = max(1000.0, 40.0 / args.square)
     try:
         board = (columns, rows, args.square, args.marker_share, args.dictionary, args.inverted)
-        return charuco_picture(*board, texels_per_m), texels_per_m
+        return charuco_texture(*board, texels_per_m), texels_per_m
     except cv2.error as error:
         raise wrong_option("--charuco", "a board that OpenCV can draw with this dictionary", str(error).strip()) from None

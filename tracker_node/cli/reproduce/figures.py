@@ -11,9 +11,9 @@ EXAMPLE = "tracker_node reproduce figures --output out/reproduce/figures"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("-o", "--output", default="out/reproduce/figures", metavar="DIR", help="folder of the pictures (default: %(default)s)")
+    add("-o", "--output", default="out/reproduce/figures", metavar="DIR", help="folder of the images (default: %(default)s)")
     add("--rig", metavar="RIG", help="rig.yaml for the plan view (default: the cameras around the wooden cross)")
-    add("--quick", action="store_true", help="small pictures")
+    add("--quick", action="store_true", help="small images")
 
 
 def run(args: argparse.Namespace) -> int:

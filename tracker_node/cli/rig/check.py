@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seconds", type=float, default=4.0, metavar="S", help="how much is processed (default: %(default)s)")
     parser.add_argument(
-        "-o", "--output", default="rig_check", metavar="DIR", help="folder for a picture per camera, index.html and"
+        "-o", "--output", default="rig_check", metavar="DIR", help="folder for an image per camera, index.html and"
         " findings.json (default: %(default)s)",
     )  # fmt: skip
 

@@ -24,7 +24,7 @@ MEANINGS = (
     ("Offset-free", "two ways of finding a joint center differ by an offset that is fixed in the body. The mean difference of"
      " every landmark is subtracted, in the axes of its own segment (of the parent for a landmark on a last segment, whose own"
      " turning is hardly observed). The same in world axes stands beside it: there an offset cannot turn with the body."),
-    ("PA-MPJPE", "the joint error after every set has been moved, turned and resized onto its truth: posture alone."),
+    ("PA-MPJPE", "the joint error after every set has been moved, turned and resized onto its truth: joint angles alone."),
     ("PCK", "fraction of the joints within a distance of truth."),
     ("Lost", "is judged from truth: a tracker's own TRACKING does not count, its own LOST does."),
     ("NEES", "error squared over what the covariance says. Far above 1 the covariance is too small, far below too large."),

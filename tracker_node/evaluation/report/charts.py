@@ -133,7 +133,7 @@ def joint_map(review: Review) -> HeatMap | None:
 
 
 def pck_chart(reviews: Sequence[Review]) -> Chart | None:
-    """Share of the joints within a distance of truth, over that distance."""
+    """Fraction of the joints within a distance of truth, over that distance."""
     thresholds = np.linspace(0.0, 0.3, 121)
     lines: list[Line] = []
     for i, review in enumerate(reviews):

@@ -1,4 +1,4 @@
-"""Contours as in Knossow, Ronfard, Horaud & Devernay: errors along variables, the sliding term, pictures.
+"""Contours as in Knossow, Ronfard, Horaud & Devernay: errors along variables, the sliding term, images.
 
 Begin with `experiment`.
 """

@@ -65,7 +65,7 @@ def until_converged(config: TrackerConfig, sliding: bool) -> TrackerConfig:
     return replace(config, chamfer=replace(config.chamfer, sliding=sliding, max_iterations=ABLATION_ITERATIONS))
 
 
-def run_figures(result: Evaluation) -> dict[str, float | int]:
+def run_metrics(result: Evaluation) -> dict[str, float | int]:
     """Metrics of a run, by the names that ``tracker_node evaluate`` has for them."""
     found = result.metrics()
     keys = ("mpjpe_mm", "mpjpe_offset_free_mm", "lost_sets", "lost_limbs", "iterations", "residual_px", "image_sets")
@@ -189,6 +189,7 @@ def direction_of(model: ArticulatedModel, dof_name: str) -> np.ndarray:
     """
     return np.eye(model.n_dof)[model.chain.dof_names.index(dof_name)]
 
+
 def displaced(pose: State, angle: float, shift_m: float, rng: np.random.Generator) -> State:
     """Displace a pose at random.
 
@@ -207,4 +208,3 @@ def displaced(pose: State, angle: float, shift_m: float, rng: np.random.Generato
     signs = rng.choice([-1.0, 1.0], len(pose.joint_positions))
     unit = (shift_m * shift / np.linalg.norm(shift), angle * axis / np.linalg.norm(axis))
     return pose.retract(np.concatenate([*unit, angle * signs]))
-

@@ -32,17 +32,17 @@ from ..rigid_tracking import text_table
 from . import tracking
 from .clips import Clip, TrackedClip, balancing_clip, cones_clip, mannequin_clip
 from .errors import METHODS, PUBLISHED, REACH_PX, ContourError, by_method, far_sighted
-from .pictures import (
-    PICTURED,
-    RowPicture,
-    evidence_pictures,
+from .figures import (
+    DRAWN,
+    RowFigure,
+    evidence_figures,
     row_figure,
-    sequence_pictures,
+    sequence_figures,
     shoot,
     tracking_figure,
     variables_figure,
 )
-from .tracking import VARIABLES, body_profiles, mean_profile, valley_figures
+from .tracking import VARIABLES, body_profiles, mean_profile, valley_metrics
 
 CLIPS = ("cones", "mannequin", "balancing")
 BODY_SETS = 4  # image sets in which a whole body leaves the truth
@@ -69,24 +69,24 @@ def run_contours(folder: Path, clips: Mapping[str, Clip], quick: bool) -> None:
     sections = [_part(folder, metrics)]
     if "cones" in clips:
         sections.append(_body(folder, clips["cones"], quick, metrics))
-    runs, pictures = {}, []
+    runs, images = {}, []
     for name, clip in clips.items():
         say(f"{clip.name}: tracking")
         runs[clip.name] = tracking.track_by(clip, METHODS[:-1] if quick else METHODS)
-        metrics |= tracking.tracking_figures(clip.name, runs[clip.name]) | tracking.sliding_figures(clip)
+        metrics |= tracking.tracking_metrics(clip.name, runs[clip.name]) | tracking.sliding_metrics(clip)
         if name == "cones":
-            metrics |= tracking.displaced_figures(clip, 2 if quick else DISPLACED_STARTS)
+            metrics |= tracking.displaced_metrics(clip, 2 if quick else DISPLACED_STARTS)
         if name == "mannequin" or len(clips) == 1:
-            pictures += evidence_pictures(folder, clip, runs[clip.name][PICTURED])
-        pictures += sequence_pictures(folder, clip, runs[clip.name][PICTURED])
+            images += evidence_figures(folder, clip, runs[clip.name][DRAWN])
+        images += sequence_figures(folder, clip, runs[clip.name][DRAWN])
     tables = _tables(runs, metrics)
     text = "\n".join(f"{title}\n{text_table(table)}\n" for title, table in tables.items()) + "\n" + format_metrics(metrics)
     print(text)
     (folder / "table.txt").write_text(text + "\n")
     write_metrics(folder / "metrics.json", metrics)
-    sections += [_errors(folder, runs), *(PageSection(title, table=table) for title, table in tables.items()), *pictures]
+    sections += [_errors(folder, runs), *(PageSection(title, table=table) for title, table in tables.items()), *images]
     write_page(folder / "report.html", "Silhouettes, edges, and contours that slide", sections)
-    say(f"wrote {folder}/report.html, table.txt, metrics.json and the pictures")
+    say(f"wrote {folder}/report.html, table.txt, metrics.json and the images")
 
 
 def _tables(runs: dict[str, dict[str, TrackedClip]], metrics: dict[str, float | int]) -> dict[str, list[list[str]]]:
@@ -138,13 +138,13 @@ def make_clips(
 def _part(folder: Path, metrics: dict[str, float | int]) -> PageSection:
     """Fig. 3: one part along a row."""
     say("one part, moved along a row of its image")
-    picture = _part_row()
+    row = _part_row()
     for name, (title, _) in MODELS.items():
-        for key, profile in picture.errors[title].items():
-            metrics |= valley_figures(f"contours.row.{name}.{key}", "px", [profile])
-    save(row_figure(picture), folder / "fig3_row.png")
+        for key, profile in row.errors[title].items():
+            metrics |= valley_metrics(f"contours.row.{name}.{key}", "px", [profile])
+    save(row_figure(row), folder / "fig3_row.png")
     text = "Distances along a row (red line) of one part's image, and the rms error of a model of it, moved along that row."
-    return PageSection("Silhouette, edges, and the sum of both (Fig. 3)", text, picture=folder / "fig3_row.png")
+    return PageSection("Silhouette, edges, and the sum of both (Fig. 3)", text, image=folder / "fig3_row.png")
 
 
 def _body(folder: Path, clip: Clip, quick: bool, metrics: dict[str, float | int]) -> PageSection:
@@ -154,11 +154,11 @@ def _body(folder: Path, clip: Clip, quick: bool, metrics: dict[str, float | int]
     panels = {}
     for dof, variable in VARIABLES.items():
         for key, of in profiles[dof].items():
-            metrics |= valley_figures(f"contours.row.{dof}.{key}", variable.unit, of)
+            metrics |= valley_metrics(f"contours.row.{dof}.{key}", variable.unit, of)
         panels[f"{variable.title} [{variable.unit}]"] = {key: mean_profile(of) for key, of in profiles[dof].items()}
     save(variables_figure(panels), folder / "fig3_body.png")
     text = f"Rms error of a body of cones in {len(clip.rig)} cameras as one variable leaves the truth; mean over image sets."
-    return PageSection("A whole body", text, picture=folder / "fig3_body.png")
+    return PageSection("A whole body", text, image=folder / "fig3_body.png")
 
 
 def _errors(folder: Path, runs: dict[str, dict[str, TrackedClip]]) -> PageSection:
@@ -168,7 +168,7 @@ def _errors(folder: Path, runs: dict[str, dict[str, TrackedClip]]) -> PageSectio
         times = next(iter(found.values())).times_s
         panels[clip] = (times, {method: each.raw.per_set_mm() for method, each in found.items()})
     save(tracking_figure(panels), folder / "fig3_tracking.png")
-    return PageSection("Error over time", "Mean distance of joints from the truth.", picture=folder / "fig3_tracking.png")
+    return PageSection("Error over time", "Mean distance of joints from the truth.", image=folder / "fig3_tracking.png")
 
 
 def part_model(thickness: float = 1.0) -> ArticulatedModel:
@@ -177,7 +177,7 @@ def part_model(thickness: float = 1.0) -> ArticulatedModel:
     return ArticulatedModel("part", KinematicChain(("part",), ()), (Shape("part", "part", cone, color_rgb=(190, 90, 90)),))
 
 
-def _part_row() -> RowPicture:
+def _part_row() -> RowFigure:
     """The part is filmed in a furnished room; then models of it are moved along the row through its middle."""
     rig, model = make_rig(_SCENE), part_model()
     camera = rig.cameras[0]
@@ -197,7 +197,7 @@ def _part_row() -> RowPicture:
     row = round(float(v))
     distances = {key: distance_to(mask, REACH_PX)[row] for key, mask in (("silhouette", shot.silhouette), ("edges", shot.edges))}
     distances["sum"] = distances["silhouette"] + distances["edges"]
-    return RowPicture(shot.silhouette, shot.edges, row, float(u), distances, errors)
+    return RowFigure(shot.silhouette, shot.edges, row, float(u), distances, errors)
 
 
 def _errors_along(

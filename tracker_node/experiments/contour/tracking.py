@@ -23,7 +23,7 @@ from .errors import (
     direction_of,
     displaced,
     images_of,
-    run_figures,
+    run_metrics,
     until_converged,
     valley,
 )
@@ -95,7 +95,7 @@ def _true_sets(clip: Clip, n: int) -> tuple[list[State], list[ImageSet]]:
     return [State.from_values(truth[i].values) for i in numbers], clip.sets_at(numbers)
 
 
-def valley_figures(prefix: str, unit: str, profiles: Sequence[Profile]) -> dict[str, float]:
+def valley_metrics(prefix: str, unit: str, profiles: Sequence[Profile]) -> dict[str, float]:
     """Metrics of valleys: mean distance of the minimum from the truth, mean width of the floor, shortest rise.
 
     Parameters
@@ -141,7 +141,7 @@ def track_by(clip: Clip, methods: Sequence[str]) -> dict[str, TrackedClip]:
     return runs
 
 
-def tracking_figures(clip: str, runs: Mapping[str, TrackedClip]) -> dict[str, float | int]:
+def tracking_metrics(clip: str, runs: Mapping[str, TrackedClip]) -> dict[str, float | int]:
     """Metrics of all runs on one clip.
 
     Parameters
@@ -156,11 +156,11 @@ def tracking_figures(clip: str, runs: Mapping[str, TrackedClip]) -> dict[str, fl
     return {
         f"contours.{clip}.{method}.{key}": value
         for method, run in runs.items()
-        for key, value in run_figures(run.evaluation).items()
+        for key, value in run_metrics(run.evaluation).items()
     }
 
 
-def sliding_figures(clip: Clip) -> dict[str, float | int]:
+def sliding_metrics(clip: Clip) -> dict[str, float | int]:
     """Iterations and errors with and without the sliding term of the Jacobian, tracking till each image set has converged."""
 
     def measure(config: TrackerConfig) -> tuple[float, float]:
@@ -170,7 +170,7 @@ def sliding_figures(clip: Clip) -> dict[str, float | int]:
     return _ablated(clip, clip.name, measure)
 
 
-def displaced_figures(clip: Clip, n_starts: int) -> dict[str, float | int]:
+def displaced_metrics(clip: Clip, n_starts: int) -> dict[str, float | int]:
     """The same of single fits, each from a true state with all joints displaced: steps far longer than those of tracking.
 
     Parameters
@@ -218,7 +218,7 @@ def tracking_table(clips: Mapping[str, Mapping[str, TrackedClip]]) -> list[list[
     rows = [["", "joint error", "offset-free", "sets lost", "limbs lost", "iterations", "residual"]]
     for clip, runs in clips.items():
         for method, run in runs.items():
-            found = run_figures(run.evaluation)
+            found = run_metrics(run.evaluation)
             rows.append([
                 f"{clip}, {TITLES[method]}", f"{found['mpjpe_mm']:.1f} mm", f"{found['mpjpe_offset_free_mm']:.1f} mm",
                 f"{found['lost_sets']} of {found['image_sets']}", str(found["lost_limbs"]), f"{found['iterations']:.1f}",

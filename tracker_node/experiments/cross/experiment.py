@@ -37,7 +37,7 @@ def run_cross(folder: Path, seed: int, quick: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     scene = cross_scene(seed, n_fields=3) if quick else cross_scene(seed)
     methods = (BEST, AS_PUBLISHED) if quick else METHODS
-    metrics = _calibration_figures(scene)
+    metrics = _calibration_metrics(scene)
     text, sections = [], [_plan(scene, folder)]
     for trial in scene.trials:
         footage = {}
@@ -55,16 +55,16 @@ def run_cross(folder: Path, seed: int, quick: bool) -> None:
         table = _compare(trial, tracked, digitized, metrics)
         text += [f"{trial.name} somersault, {trial.n_fields} fields: rms / maximum of the worst variable", text_table(table), ""]
         sections.append(PageSection(f"The {trial.name} somersault", "Rms / maximum of the worst variable.", table))
-        sections += _pictures(folder, scene, trial, footage[BEST.backend], tracked, digitized)
+        sections += _images(folder, scene, trial, footage[BEST.backend], tracked, digitized)
     text.append(format_metrics(metrics))
     print("\n".join(text))
     (folder / "table.txt").write_text("\n".join(text) + "\n")
     write_metrics(folder / "metrics.json", metrics)
     write_page(folder / "report.html", "The wooden cross", sections)
-    say(f"wrote {folder}/report.html, table.txt, metrics.json and the pictures")
+    say(f"wrote {folder}/report.html, table.txt, metrics.json and the images")
 
 
-def _calibration_figures(scene: Any) -> dict[str, float | int]:
+def _calibration_metrics(scene: Any) -> dict[str, float | int]:
     """How closely each kind of camera fits its control points, the worst of the three."""
     worst = {name: max(found.rms_px for found in cameras) for name, cameras in scene.calibrations.items()}
     return {f"cross.calibration.{name}_rms_px": float(value) for name, value in worst.items()}
@@ -105,10 +105,10 @@ def _plan(scene: Any, folder: Path) -> Any:
     """Fig. 3."""
     paths = {f"{t.name} somersault": np.array([s.T_world_root[:3, 3] for s in t.states()]) for t in scene.trials}
     save(plan_figure(scene.rig, paths), folder / "fig3_plan.png")
-    return PageSection("The cameras from above (Fig. 3)", picture=folder / "fig3_plan.png")
+    return PageSection("The cameras from above (Fig. 3)", image=folder / "fig3_plan.png")
 
 
-def _pictures(
+def _images(
     folder: Path, scene: Any, trial: Any, footage: Any, tracked: Mapping[Any, Any], digitized: Sequence[Any]
 ) -> list[Any]:
     """An interlaced image, and the figures 7 to 10."""
@@ -129,10 +129,8 @@ def _pictures(
     save(cross_plots.error_figure({m.title: tracked[m].errors(truth) for m in (BEST, AS_PUBLISHED)}), errors)
     text = "Against truth; stepping as published, with cameras from DLT that are taken for simultaneous."
     return [
-        PageSection(
-            "As filmed", "Left: an interlaced image. Right: one of its fields, missing lines interpolated.", picture=video
-        ),
-        PageSection(f"Target through the mask (Fig. {mask_number})", picture=masks),
-        PageSection(f"Pose (Fig. {pose_number})", picture=poses),
-        PageSection("Errors", text, picture=errors),
+        PageSection("As filmed", "Left: an interlaced image. Right: one of its fields, missing lines interpolated.", image=video),
+        PageSection(f"Target through the mask (Fig. {mask_number})", image=masks),
+        PageSection(f"Pose (Fig. {pose_number})", image=poses),
+        PageSection("Errors", text, image=errors),
     ]

@@ -1,4 +1,4 @@
-"""Pictures of the wooden cross, like Figs 7 to 10 of Trewartha, Yeadon & Knight. Images are BGR uint8."""
+"""Images of the wooden cross, like Figs 7 to 10 of Trewartha, Yeadon & Knight. Images are BGR uint8."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...report.document import BLUE, GRAY, GREEN, ORANGE, PURPLE
 from ..rigid_tracking import UNITS, VARIABLES
 
 _STYLES = ((GRAY, "-", 3.5), (BLUE, "-", 1.4), (GREEN, "--", 1.4), (ORANGE, ".", 1.0), (PURPLE, ":", 1.4))
-_MARGIN = 14  # pixels around what a picture shows
+_MARGIN = 14  # pixels around what an image shows
 
 
 def through_mask_figure(
@@ -37,13 +37,13 @@ def through_mask_figure(
     figure = Figure(figsize=(1.75 * len(image_sets), 1.9 * len(rig)), layout="constrained")
     axes = figure.subplots(len(rig), len(image_sets), squeeze=False)
     for row, camera in enumerate(rig):
-        pictures = {
+        images = {
             field: masked_image(images[row], Configuration(model, states[field][row]), camera)
             for field, images in image_sets.items()
         }
-        half = max(_half_size(picture) for picture in pictures.values())
-        for ax, (field, picture) in zip(axes[row], pictures.items(), strict=True):
-            ax.imshow(_window(picture, half)[:, :, ::-1], interpolation="nearest")
+        half = max(_half_size(image) for image in images.values())
+        for ax, (field, image) in zip(axes[row], images.items(), strict=True):
+            ax.imshow(_window(image, half)[:, :, ::-1], interpolation="nearest")
             ax.set_xticks([])
             ax.set_yticks([])
             if row == 0:
@@ -103,14 +103,14 @@ def _unwrapped(states: Sequence[State | None], near: np.ndarray | None = None) -
     return rows
 
 
-def _half_size(picture: np.ndarray) -> int:
-    rows, columns = np.nonzero(picture.max(axis=2))
+def _half_size(image: np.ndarray) -> int:
+    rows, columns = np.nonzero(image.max(axis=2))
     return max(int(np.ptp(rows)), int(np.ptp(columns))) // 2 + _MARGIN if len(rows) else _MARGIN
 
 
-def _window(picture: np.ndarray, half: int) -> np.ndarray:
+def _window(image: np.ndarray, half: int) -> np.ndarray:
     """The square of ``half`` the width around what is not black; black beyond the image."""
-    rows, columns = np.nonzero(picture.max(axis=2))
+    rows, columns = np.nonzero(image.max(axis=2))
     v, u = ((int(r.min()) + int(r.max())) // 2 if len(r) else half for r in (rows, columns))
-    padded = np.pad(picture, ((half, half), (half, half), (0, 0)))
+    padded = np.pad(image, ((half, half), (half, half), (0, 0)))
     return padded[v : v + 2 * half, u : u + 2 * half]

@@ -112,7 +112,7 @@ def _above(center: np.ndarray) -> np.ndarray:
 
 
 def measured_lights(
-    lights: tuple[Light, ...], rng: np.random.Generator, distance: float = 0.2, share: float = 0.15
+    lights: tuple[Light, ...], rng: np.random.Generator, distance: float = 0.2, fraction: float = 0.15
 ) -> tuple[Light, ...]:
     """Lights as they were measured, with errors.
 
@@ -121,7 +121,7 @@ def measured_lights(
     lights : as they are.
     rng : random directions and signs.
     distance : error of the place, meters.
-    share : error of the intensity, up or down, as a fraction.
+    fraction : error of the intensity, up or down.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def measured_lights(
     """
     measured = []
     for light in lights:
-        factor = 1.0 + share * rng.choice([-1.0, 1.0])
+        factor = 1.0 + fraction * rng.choice([-1.0, 1.0])
         red, green, blue = (float(factor * v) for v in light.intensity)
         light = replace(light, intensity=(red, green, blue))
         if light.position is not None:

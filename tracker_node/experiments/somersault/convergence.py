@@ -61,7 +61,7 @@ def run_convergence(folder: Path, trials: int, quick: bool) -> None:
                 metrics[f"convergence.{key}.{name}_{mm:.0f}mm_{deg:.0f}deg"] = value
     print(format_metrics(metrics))
     write_metrics(folder / "metrics.json", metrics)
-    _write_pictures(folder, profiles, starts, rates, metrics)
+    _write_figures(folder, profiles, starts, rates, metrics)
     say(f"wrote {folder}/metrics.json, fig5.png, fig6.png, success_*.png and report.html")
 
 
@@ -103,7 +103,7 @@ def _rates(
     show: Callable[[int], None], fits: dict[str, Callable[[Any], Any]], truth: Sequence[Any], starts: Any, trials: int,
     near_mm: float,
 ) -> dict[str, list[float]]:  # fmt: skip
-    """Optimizer -> share of starts that arrive, for each size of the start's error."""
+    """Optimizer -> fraction of starts that arrive, for each size of the start's error."""
     rates: dict[str, list[float]] = {}
     for name, fit in fits.items():
         rates[name] = [success_rate(show, truth, fit, mm, deg, trials, near_mm=near_mm) for mm, deg in starts]
@@ -112,7 +112,7 @@ def _rates(
     return rates
 
 
-def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metrics: dict[str, float | int]) -> None:
+def _write_figures(folder: Path, profiles: Any, starts: Any, rates: Any, metrics: dict[str, float | int]) -> None:
     sections = []
     for number, unit in ((5, "mm"), (6, "deg")):
         names = [name for name, own in zip(VARIABLES, UNITS, strict=True) if own == unit]
@@ -121,11 +121,11 @@ def _write_pictures(folder: Path, profiles: Any, starts: Any, rates: Any, metric
         }
         path = folder / f"fig{number}.png"
         save(convergence_figure(panels, unit), path)
-        sections.append(PageSection(f"Fig. {number}", "The score as one variable leaves the truth.", picture=path))
+        sections.append(PageSection(f"Fig. {number}", "The score as one variable leaves the truth.", image=path))
     for key, of in rates.items():
         path = folder / f"success_{key}.png"
         save(success_figure([f"{mm:.0f} mm\n{deg:.0f}°" for mm, deg in starts], of), path)
         title = f"From how far each optimizer arrives within {NEAR_MM[key]:.0f} mm, {TITLES[key]}"
-        sections.append(PageSection(title, picture=path))
+        sections.append(PageSection(title, image=path))
     sections.append(PageSection("Figures", preformatted=format_metrics(metrics)))
     write_page(folder / "report.html", "How wide the score's valley is", sections)

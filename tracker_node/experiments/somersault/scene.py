@@ -1,4 +1,4 @@
-"""The somersault as the experiments use it: two bodies in one posture, cameras, light, and target images by either renderer."""
+"""The somersault as the experiments use it: two bodies with the same joint angles, cameras, light, target images."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ POSTURE_DEG = {"torso_flexion": 4.0, "chest_flexion": 3.0, "head_flexion": 10.0}
     for side in ("left", "right")
     for axis, degrees in (("hip_flexion", 14.0), ("knee_flexion", 6.0), ("ankle_dorsiflexion", -45.0), ("elbow_flexion", 75.0))
 }
-# Of the ellipsoid human in that posture: m^2 (one kilogram), axes of the pelvis.
+# Of the ellipsoid human in that pose: m^2 (one kilogram), axes of the pelvis.
 INERTIA = np.array([[0.1647, 0.0, 0.0127], [0.0, 0.1601, 0.0], [0.0127, 0.0, 0.0162]])
 _MOMENTUM = 1.046  # m^2 per flight
 _TILT, _TWIST = np.deg2rad([-0.631, -19.726])  # at take-off
@@ -155,43 +155,43 @@ def _rotation(times: np.ndarray) -> np.ndarray:
     return np.array(angles)[np.searchsorted(steps, times)]
 
 
-def somersault_states(model: ArticulatedModel, variables: np.ndarray, posture_deg: Mapping[str, float]) -> list[State]:
-    """The body in one fixed posture through the flight.
+def somersault_states(model: ArticulatedModel, variables: np.ndarray, angles_deg: Mapping[str, float]) -> list[State]:
+    """The body with fixed joint angles through the flight.
 
     Parameters
     ----------
     model : the body.
     variables : (n, 6) pose variables.
-    posture_deg : joint axis -> angle.
+    angles_deg : joint axis -> angle.
 
     Returns
     -------
     n states.
     """
-    angles = posture(model, posture_deg)
+    angles = pose_angles(model, angles_deg)
     return [from_variables(np.concatenate([row, angles])) for row in variables]
 
 
-def rigid_body(model: ArticulatedModel, posture_deg: Mapping[str, float]) -> ArticulatedModel:
-    """The body in a posture that it keeps: its shapes on one link, six degrees of freedom; the pose is that of its root.
+def rigid_body(model: ArticulatedModel, angles_deg: Mapping[str, float]) -> ArticulatedModel:
+    """The body with joint angles that it keeps: its shapes on one link, six degrees of freedom; the pose is that of its root.
 
     Parameters
     ----------
     model : the body.
-    posture_deg : joint axis -> angle.
+    angles_deg : joint axis -> angle.
 
     Returns
     -------
     The rigid body.
     """
-    posed = Configuration(model, State(np.eye(4), posture(model, posture_deg)))
+    posed = Configuration(model, State(np.eye(4), pose_angles(model, angles_deg)))
     shapes = tuple(
         replace(shape, link="body", T_link_shape=T) for shape, T in zip(model.shapes, posed.Ts_world_shape, strict=True)
     )
     return ArticulatedModel(model.name, KinematicChain(("body",), ()), shapes)
 
 
-def posture(model: ArticulatedModel, degrees: Mapping[str, float]) -> np.ndarray:
+def pose_angles(model: ArticulatedModel, degrees: Mapping[str, float]) -> np.ndarray:
     """Joint angles with some axes at given angles, the others neutral.
 
     Parameters
@@ -213,12 +213,12 @@ def posture(model: ArticulatedModel, degrees: Mapping[str, float]) -> np.ndarray
 
 
 def somersault_rig(width: int = IMAGE_SIZE[0]) -> CameraRig:
-    """Front, side and top view of the flight and the lights, all known; smaller pictures for ``width`` below 768."""
+    """Front, side and top view of the flight and the lights, all known; smaller images for ``width`` below 768."""
     scale = width / IMAGE_SIZE[0]
     height = round(scale * IMAGE_SIZE[1])
     front = looking_at(_MIDDLE + _CAMERA_DISTANCE * np.array([1.0, 0.0, 0.0]), _MIDDLE)
     side = looking_at(_MIDDLE - _CAMERA_DISTANCE * np.array([0.0, 1.0, 0.0]), _MIDDLE)
-    # Seen from above, the flight goes to the right of the picture.
+    # Seen from above, the flight goes to the right of the image.
     top = se3.from_rotation_translation(np.diag([1.0, -1.0, -1.0]), _MIDDLE + _CAMERA_DISTANCE * np.array([0.0, 0.0, 1.0]))
     lights = (
         Light("ambient", (0.35, 0.35, 0.35)),

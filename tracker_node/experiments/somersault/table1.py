@@ -91,7 +91,7 @@ def run_table1(folder: Path, quick: bool) -> None:
     print(text)
     (folder / "table.txt").write_text(text + "\n")
     write_metrics(folder / "metrics.json", metrics)
-    _write_pictures(folder, scene, images[BACKENDS[0]], tracked["stepping"].states, tables, remarks)
+    _write_figures(folder, scene, images[BACKENDS[0]], tracked["stepping"].states, tables, remarks)
     say(f"wrote {folder}/table.txt, metrics.json, fig4.png and report.html")
 
 
@@ -174,7 +174,7 @@ def _remarks(metrics: dict[str, float | int]) -> str:
     )
 
 
-def _write_pictures(folder: Path, scene: Any, targets: Any, states: Any, tables: Any, remarks: str) -> None:
+def _write_figures(folder: Path, scene: Any, targets: Any, states: Any, tables: Any, remarks: str) -> None:
     """Fig. 4, and the page."""
     tracked = scene.draw(scene.tracked, states)
     rows = {}
@@ -185,5 +185,5 @@ def _write_pictures(folder: Path, scene: Any, targets: Any, states: Any, tables:
     write_page(folder / "report.html", "Half-twisting somersault, tracked by color", [
         PageSection("What it is", remarks),
         *(PageSection(title, "Maximum and rms over all image sets.", table) for title, table in tables.items()),
-        PageSection("Fig. 4", "What was filmed, and the ellipsoid body where stepping found it.", picture=folder / "fig4.png"),
+        PageSection("Fig. 4", "What was filmed, and the ellipsoid body where stepping found it.", image=folder / "fig4.png"),
     ])  # fmt: skip

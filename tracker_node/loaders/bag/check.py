@@ -25,7 +25,7 @@ _STEADY_SPREAD = 0.5  # of the middle half of the periods, over their median
 
 
 @dataclass(frozen=True)
-class TopicFigures:
+class TopicMetrics:
     """One topic of a bag.
 
     Parameters
@@ -59,7 +59,7 @@ class BagCheck:
 
     path: Path
     remedy: str
-    topics: list[TopicFigures] = field(default_factory=list)
+    topics: list[TopicMetrics] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     files: int = 0
@@ -129,7 +129,7 @@ def check_bag(path: str | Path, on_file: Callable[[Path], None] = lambda file: N
     return check
 
 
-def figures_of(topic: BagTopic, stamps_ns: np.ndarray) -> TopicFigures:
+def figures_of(topic: BagTopic, stamps_ns: np.ndarray) -> TopicMetrics:
     """Rate, gaps and order of a topic.
 
     Parameters
@@ -139,11 +139,11 @@ def figures_of(topic: BagTopic, stamps_ns: np.ndarray) -> TopicFigures:
 
     Returns
     -------
-    Figures; rate and gaps are zero for fewer than two messages.
+    Count, rate and gaps; the latter two are zero for fewer than two messages.
     """
     n = len(stamps_ns)
     if n < 2:
-        return TopicFigures(topic, n)
+        return TopicMetrics(topic, n)
     steps = np.diff(stamps_ns) * 1e-9
     span_s = (int(stamps_ns.max()) - int(stamps_ns.min())) * 1e-9
     usual = float(np.median(steps))
@@ -151,7 +151,7 @@ def figures_of(topic: BagTopic, stamps_ns: np.ndarray) -> TopicFigures:
     steady = n >= _STEADY and usual > 0 and high - low < _STEADY_SPREAD * usual
     gaps = int(np.count_nonzero(steps > GAP_PERIODS * usual)) if steady else 0
     rate_hz = (n - 1) / span_s if span_s > 0 else 0.0
-    return TopicFigures(topic, n, rate_hz, float(steps.max()), gaps, int(np.count_nonzero(steps < 0)))
+    return TopicMetrics(topic, n, rate_hz, float(steps.max()), gaps, int(np.count_nonzero(steps < 0)))
 
 
 def _read_all(

@@ -79,7 +79,7 @@ class CameraPeople(Mapping[int, People]):
     source : file or folder.
     names : of the detector's points.
     found : image number -> what the file tells of each person.
-    normalized : coordinates are shares of the image's width and height, and `for_images` must be called.
+    normalized : coordinates are fractions of the image's width and height, and `for_images` must be called.
     rule : covariances from scores.
     scale, shift : from coordinates of the file to pixels, along u and v.
     """

@@ -1,6 +1,6 @@
 """People from MediaPipe's landmarks, which everybody writes down in a file of their own: JSON or CSV of x, y, visibility.
 
-x and y are shares of the image's width and height. JSON is a list of images (or has one in ``frames``), each a mapping with
+x and y are fractions of the image's width and height. JSON is a list of images (or has one in ``frames``), each a mapping with
 ``pose_landmarks`` or ``landmarks`` and maybe its number in ``frame``, or these landmarks alone: a list of 33 mappings x, y,
 visibility or of 33 lists x, y, z, visibility, or a list of such lists, one a person. CSV has a row an image with columns
 ``nose_x, nose_y, nose_visibility`` or ``x1, y1, z1, v1``, or a row a landmark with columns ``frame, landmark, x, y, visibility``
@@ -24,7 +24,7 @@ from .names import check_names, names_of
 
 _NUMBERS = ("frame", "frame_id", "frame_number", "frame_idx", "image")
 _LANDMARKS = ("pose_landmarks", "landmarks")
-_MOST = 100.0  # widths of an image: what is beyond is no share
+_MOST = 100.0  # widths of an image: what is beyond is no fraction
 _NAMED = re.compile(r"(.+)_(x|y|z|visibility|v|presence)")
 _COUNTED = re.compile(r"(x|y|z|v|visibility)_?(\d{1,4})")
 _SHORT = {"v": "visibility"}
@@ -40,7 +40,7 @@ def load_mediapipe(path: str | Path, names: Sequence[str] = ()) -> PointsByCamer
 
     Returns
     -------
-    Name of the camera's file -> people by image, in shares of the image: see `CameraPeople.for_images`.
+    Name of the camera's file -> people by image, in fractions of the image: see `CameraPeople.for_images`.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def _landmark(value: Any, file: Path, where: str) -> tuple[float, float, float]:
 def _person(rows: Sequence[Sequence[float]], file: str, where: str) -> FoundPerson:
     values = np.array(rows, dtype=np.float64).reshape(-1, 3)
     if np.nanmax(np.abs(values[:, :2]), initial=0.0) > _MOST:
-        raise FileFormatError(file, where, "x and y as shares of the image's width and height", values[0, :2].tolist())
+        raise FileFormatError(file, where, "x and y as fractions of the image's width and height", values[0, :2].tolist())
     return FoundPerson(found_points(values, file, where))
 
 

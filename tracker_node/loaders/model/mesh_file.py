@@ -15,12 +15,12 @@ from ..decoding import decoded
 from ..whole_file import MEDIA_BYTES, check_regular, read_bytes
 
 
-def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarray:
-    """Picture of a file; a gray one is read as gray RGB.
+def read_texture(file: str | Path, referrer: str | Path, field: str) -> np.ndarray:
+    """Texture of a file; a gray one is read as gray RGB.
 
     Parameters
     ----------
-    file, referrer, field : picture; file and field that ask for it, for messages.
+    file, referrer, field : texture; file and field that ask for it, for messages.
 
     Returns
     -------
@@ -32,20 +32,20 @@ def read_picture(file: str | Path, referrer: str | Path, field: str) -> np.ndarr
     """
     file = Path(file)
     if not os.path.isfile(file):  # Path.is_file raises for a name that is too long
-        raise FileFormatError(referrer, field, "an existing picture", str(file))
+        raise FileFormatError(referrer, field, "an existing texture", str(file))
     picture = decoded(read_bytes(file, MEDIA_BYTES), cv2.IMREAD_UNCHANGED)
     if picture is None:
-        raise FileFormatError(referrer, field, "a readable picture (PNG, JPEG, ...)", str(file))
+        raise FileFormatError(referrer, field, "a readable texture (PNG, JPEG, ...)", str(file))
     if picture.ndim == 2:
         picture = np.repeat(picture[:, :, None], 3, axis=2)
     if picture.dtype != np.uint8 or picture.shape[2] != 3:
         got = f"{picture.shape[2]} channels of {8 * picture.dtype.itemsize} bits in {file}"
-        raise FileFormatError(referrer, field, "a picture of 1 or 3 channels of 8 bits", got)
+        raise FileFormatError(referrer, field, "a texture of 1 or 3 channels of 8 bits", got)
     return np.ascontiguousarray(picture[:, :, ::-1])
 
 
-def write_picture(picture: np.ndarray, file: str | Path) -> None:
-    """Write a picture without loss, as PNG.
+def write_texture(picture: np.ndarray, file: str | Path) -> None:
+    """Write a texture without loss, as PNG.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def write_picture(picture: np.ndarray, file: str | Path) -> None:
     """
     ok, encoded = cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))
     if not ok:
-        raise ValueError(f"expected a picture that PNG can hold, got {picture.shape}")
+        raise ValueError(f"expected a texture that PNG can hold, got {picture.shape}")
     Path(file).write_bytes(encoded.tobytes())
 
 
@@ -112,7 +112,7 @@ def _surface(loaded: Any, faces: np.ndarray, texture: np.ndarray | None) -> dict
     elif visual.kind == "face":
         surface["face_colors_rgb"] = np.asarray(visual.face_colors)[:, :3]
     elif visual.kind == "texture":
-        picture = texture if texture is not None else _picture_of(visual.material)
+        picture = texture if texture is not None else _texture_of(visual.material)
         if picture is not None and visual.uv is not None and np.all(np.isfinite(visual.uv)):
             surface["texture"] = picture
             surface["uv"] = np.asarray(visual.uv, dtype=np.float64)[faces]
@@ -136,13 +136,13 @@ def _normals(scene: Any, n_vertices: int) -> dict[str, np.ndarray]:
     return {"normals": normals / lengths}
 
 
-def _picture_of(material: Any) -> np.ndarray | None:
+def _texture_of(material: Any) -> np.ndarray | None:
     picture = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     return None if picture is None else np.asarray(picture.convert("RGB"))
 
 
 def _check_materials(file: Path, referrer: str | Path, field: str) -> None:
-    """trimesh goes on without the material files and pictures that an OBJ file names; we do not."""
+    """trimesh goes on without the material files and textures that an OBJ file names; we do not."""
     for library in _named_in(file, "mtllib"):
         if not os.path.isfile(library):
             raise FileFormatError(referrer, field, f"the material file that {file} names", f"no {library}")
@@ -188,7 +188,7 @@ def _obj_lines(mesh: Mesh, file: Path) -> list[str]:
         lines += [_row("vn", row) for row in mesh.normals]
     if textured:
         picture = file.with_suffix(".png")
-        write_picture(mesh.texture, picture)  # type: ignore[arg-type]
+        write_texture(mesh.texture, picture)  # type: ignore[arg-type]
         file.with_suffix(".mtl").write_text(f"newmtl surface\nKd 1 1 1\nmap_Kd {picture.name}\n", encoding="utf-8")
         lines = [f"mtllib {file.with_suffix('.mtl').name}", *lines, *(_row("vt", row) for row in mesh.uv.reshape(-1, 2))]  # type: ignore[union-attr]
         lines.append("usemtl surface")

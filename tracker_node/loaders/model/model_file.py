@@ -160,7 +160,7 @@ class EllipsoidEntry(_ShapeBase):
 
 
 class BoxEntry(_ShapeBase):
-    """Box; a face of its own color or with a picture is named by the axis that points out of it."""
+    """Box; a face of its own color or with a texture is named by the axis that points out of it."""
 
     type: Literal["box"]
     size: PositiveVector
@@ -177,7 +177,7 @@ class BoxEntry(_ShapeBase):
 
 
 class MeshEntry(_ShapeBase):
-    """Mesh file, with its colors; ``texture`` is a picture to put in the place of the file's own."""
+    """Mesh file, with its colors; ``texture`` is a texture to put in the place of the file's own."""
 
     type: Literal["mesh"]
     file: str

@@ -16,7 +16,7 @@ from ...model.shapes.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
 from ...model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from ..file_model import validate
 from ..yaml_file import Inline, read_mapping, write_mapping
-from .mesh_file import read_mesh, read_picture, write_mesh, write_picture
+from .mesh_file import read_mesh, read_texture, write_mesh, write_texture
 from .model_file import (
     AxisEntry,
     BoxEntry,
@@ -30,7 +30,7 @@ from .urdf import load_urdf
 
 
 def load_model(path: str | Path) -> ArticulatedModel:
-    """Body of a model file or of a robot description (``.urdf``); meshes and pictures are searched relative to its folder.
+    """Body of a model file or of a robot description (``.urdf``); meshes and textures are searched relative to its folder.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def _read_model_file(path: str | Path) -> ModelFile:
 
 
 def _build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
-    """Body of a validated file; ``path`` is for messages and for finding meshes and pictures."""
+    """Body of a validated file; ``path`` is for messages and for finding meshes and textures."""
     joints = []
     for name, entry in model_file.joints.items():
         axes = tuple(_axis(axis) for axis in entry.axes)
@@ -65,7 +65,7 @@ def _build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
 
 
 def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> None:
-    """Write a body; meshes and pictures go beside the file as ``<stem>_<shape>...``.
+    """Write a body; meshes and textures go beside the file as ``<stem>_<shape>...``.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def _primitive(entry: ShapeEntry, path: str | Path, field: str) -> Primitive:
         except ValueError as error:  # sections too near each other for their size, or too far apart
             raise FileFormatError(path, f"{field}.sections", "sections that a surface can go through", str(error)) from None
     folder = Path(path).parent
-    texture = None if entry.texture is None else read_picture(folder / entry.texture, path, f"{field}.texture")
+    texture = None if entry.texture is None else read_texture(folder / entry.texture, path, f"{field}.texture")
     return read_mesh(folder / entry.file, entry.scale, path, f"{field}.file", texture)
 
 
@@ -174,8 +174,8 @@ def _box(entry: BoxEntry, path: str | Path, field: str) -> Box:
     textures = None
     if entry.textures:
         folder = Path(path).parent
-        pictures = {face: read_picture(folder / file, path, f"{field}.textures.{face}") for face, file in entry.textures.items()}
-        textures = tuple(pictures.get(face) for face in BOX_FACES)
+        by_face = {face: read_texture(folder / file, path, f"{field}.textures.{face}") for face, file in entry.textures.items()}
+        textures = tuple(by_face.get(face) for face in BOX_FACES)
     return Box(entry.size, colors, textures)
 
 
@@ -213,10 +213,10 @@ def _box_values(box: Box, stem: Path) -> dict[str, Any]:
     if box.face_colors_rgb is not None:
         values["face_colors_rgb"] = {face: color.tolist() for face, color in zip(BOX_FACES, box.face_colors_rgb, strict=True)}
     textures = dict(zip(BOX_FACES, box.textures or (), strict=False))
-    files = {face: stem.with_name(f"{stem.name}_{face}.png") for face, picture in textures.items() if picture is not None}
+    files = {face: stem.with_name(f"{stem.name}_{face}.png") for face, texture in textures.items() if texture is not None}
     for face, file in files.items():
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_picture(textures[face], file)  # type: ignore[arg-type]
+        write_texture(textures[face], file)  # type: ignore[arg-type]
     return values | ({"textures": {face: file.name for face, file in files.items()}} if files else {})
 
 

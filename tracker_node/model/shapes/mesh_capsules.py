@@ -54,8 +54,8 @@ class _Room:
         """Whether there is room for a round cone from one end to the other, asked every half of its least radius."""
         one, other = cone[START : START + 4], cone[END : END + 4]
         steps = 2 + int(min(np.linalg.norm(other[:3] - one[:3]) / (0.5 * min(one[3], other[3])), 200.0))
-        shares = np.linspace(0.0, 1.0, steps)[:, None]
-        balls = (1.0 - shares) * one + shares * other
+        fractions = np.linspace(0.0, 1.0, steps)[:, None]
+        balls = (1.0 - fractions) * one + fractions * other
         return bool((self.radii(balls[:, :3]) >= _LEAST_ROOM * balls[:, 3]).all())
 
 

@@ -66,7 +66,7 @@ class Box:
     Parameters
     ----------
     face_colors_rgb : (6, 3) uint8 in the order of `BOX_FACES`; None: the shape's one color.
-    textures : six pictures (h, w, 3) uint8 RGB, or None for a face without one, in the order of `BOX_FACES`. A picture
+    textures : six textures (h, w, 3) uint8 RGB, or None for a face without one, in the order of `BOX_FACES`. A texture
         fills its face as seen from outside: rows run down and columns to the right to a viewer for whom z points up (on the faces
         +z and -z: y).
     """
@@ -94,7 +94,7 @@ class Mesh:
     Parameters
     ----------
     texture, uv : (h, w, 3) uint8 RGB, and (m, 3, 2) where the corners of every face lie in it: u to the right, v upward, 0..1
-        over the whole picture.
+        over the whole texture.
     vertex_colors_rgb : (n, 3) uint8, blended over each face.
     face_colors_rgb : (m, 3) uint8.
     normals : (n, 3) unit vertex normals for shading; None: the faces are shaded flat.

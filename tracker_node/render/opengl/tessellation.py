@@ -93,8 +93,8 @@ def _cone(cone: TruncatedCone, color: np.ndarray) -> Patch:
     faces = [_strips(CONE_RINGS + 1, n, 0)]
     for end, sign in zip((cone.z1, cone.z2), _CAP_SIDES, strict=True):
         rim = (1.0 + cone.k * end) * outside * circle
-        shares = np.linspace(0.0, 1.0, CAP_RINGS + 1)
-        cap = np.concatenate([np.column_stack([share * rim, np.full(n, end)]) for share in shares])
+        fractions = np.linspace(0.0, 1.0, CAP_RINGS + 1)
+        cap = np.concatenate([np.column_stack([fraction * rim, np.full(n, end)]) for fraction in fractions])
         strips = _strips(CAP_RINGS + 1, n, sum(map(len, vertices)))
         faces.append(strips if sign < 0.0 else strips[:, ::-1])
         vertices.append(cap)

@@ -89,9 +89,9 @@ def _bend(params, points, pixels, a, b):
     dx, dy = points[b, 0] / points[b, 2] - x, points[b, 1] / points[b, 2] - y
     bend = 0.0
     for i in range(1, 4):
-        share = 0.25 * i
-        between = project_point(params, x + share * dx, y + share * dy, 1.0)
-        bend = max(bend, math.hypot(between[1] - u - share * du, between[2] - v - share * dv))
+        fraction = 0.25 * i
+        between = project_point(params, x + fraction * dx, y + fraction * dy, 1.0)
+        bend = max(bend, math.hypot(between[1] - u - fraction * du, between[2] - v - fraction * dv))
     return 1.5 * bend + _SHORT_BEND
 
 

@@ -40,7 +40,7 @@ class SurfaceArrays:
 
 
 class _Album:
-    """Pictures with all their levels, one after the other."""
+    """Textures with all their levels, one after the other."""
 
     def __init__(self):
         self.levels: list[list[tuple[int, int, int]]] = []

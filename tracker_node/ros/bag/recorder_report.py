@@ -134,7 +134,7 @@ class RecorderState:
         return ""
 
     def values(self) -> dict[str, object]:
-        """Figures, as shown."""
+        """Counts and rates, as shown."""
         return {
             "topics": self.topics,
             "messages": self.messages,

@@ -240,7 +240,7 @@ class CameraIngestNode(GuardedNode):
             counts.missing, counts.skipped = report.missing, report.skipped
             if report.problem:
                 self.problems[name] = report.problem
-        self._report_camera(name, *self._verdict(name, counts, report), counts.values())
+        self._report_camera(name, *self._assessment(name, counts, report), counts.values())
 
     def _report_camera(self, name: str, level: bytes, message: str, values: dict[str, int]) -> None:
         published = values["published"] - self._published_before[name]
@@ -248,7 +248,7 @@ class CameraIngestNode(GuardedNode):
         rated = {"images per second": published / self._elapsed_s, **values}
         self._diagnostics.report(name, level, message, rated, hardware_id=name)
 
-    def _verdict(self, name: str, counts: CameraCounts, report: SourceReport | None) -> tuple[bytes, str]:
+    def _assessment(self, name: str, counts: CameraCounts, report: SourceReport | None) -> tuple[bytes, str]:
         if name in self.problems:
             return ERROR, f"stopped: {self.problems[name]}" if report and report.ended else self.problems[name]
         if report is not None and report.ended:

@@ -78,7 +78,7 @@ class CameraDiagnostics:
             rate = (arrived - self._received_before.get(name, 0)) / elapsed_s
             n_new, self._received_before[name] = arrived - self._received_before.get(name, 0), arrived
             unused, gone = self._newly_unused(name, counters.get(name, {})), self._newly_gone(name)
-            level, said = self._verdict(name, worker, now) if name in cameras else (OK, "not in use")
+            level, said = self._assessment(name, worker, now) if name in cameras else (OK, "not in use")
             if level == OK and 2 * unused.total() > max(n_new, _FEW):
                 reasons = ", ".join(f"{reason} {n}" for reason, n in unused.items())
                 level, said = WARN, f"most of its images are in no set ({reasons})"
@@ -116,7 +116,7 @@ class CameraDiagnostics:
         idle = {reason: by_camera[name] for reason, by_camera in counts.idle.items()}
         return {**counter, **self._gone(name), "refused": counts.refused[name], **idle}
 
-    def _verdict(self, name: str, worker: TrackingWorker, now: float) -> tuple[bytes, str]:
+    def _assessment(self, name: str, worker: TrackingWorker, now: float) -> tuple[bytes, str]:
         problem = worker.counts.problems.get(name)
         if problem:
             return ERROR, problem

@@ -128,7 +128,7 @@ class TrackerDiagnostics:
         values = {"image sets per second": tracked / elapsed_s, "skipped per second": skipped / elapsed_s}
         self._silent = 0 if tracked or worker.busy else self._silent + 1
         too_slow = self._left_out.too_many(tracked, skipped)
-        self._diagnostics.report("rate", *_rate_verdict(worker, tracked, self._silent, too_slow), values)
+        self._diagnostics.report("rate", *_rate_assessment(worker, tracked, self._silent, too_slow), values)
         self._report_sets(worker)
         self._report_clock(worker.formation.clock_jumps)
         if worker.paused:
@@ -213,7 +213,7 @@ def unobservable_in_short(names: list[str]) -> str:
     return f"the images do not tell {directions}: {', '.join(first[:_NAMED])}{more}"
 
 
-def _rate_verdict(worker: TrackingWorker, tracked: int, silent: int, too_slow: bool) -> tuple[bytes, str]:
+def _rate_assessment(worker: TrackingWorker, tracked: int, silent: int, too_slow: bool) -> tuple[bytes, str]:
     if worker.fatal is not None:
         return ERROR, f"the tracking thread has ended: {worker.fatal}"
     if worker.paused:

@@ -34,7 +34,7 @@ class Grip:
 class _PointAtPixel:
     """Squared distance of a projected point from a pixel, over some degrees of freedom, with a prior at where they began.
 
-    The prior damps: of all postures that reach the pixel the nearest is taken, and a drag back leads back.
+    The prior damps: of all poses that reach the pixel the nearest is taken, and a drag back leads back.
     """
 
     def __init__(self, model: ArticulatedModel, grip: Grip, pixel: np.ndarray, dofs: np.ndarray, start: State):

@@ -203,9 +203,9 @@ def within(motion: Motion, radius_m: float) -> Motion:
     """
     path = motion.root_positions[:, :2] - np.median(motion.root_positions[:, :2], axis=0)
     drift = gaussian_filter1d(path, _DRIFT_S * motion.rate_hz, axis=0, mode="nearest")
-    share = 0.0
-    while np.linalg.norm(path - share * drift, axis=1).max() > radius_m and share < 1.0:
-        share += 0.05
+    fraction = 0.0
+    while np.linalg.norm(path - fraction * drift, axis=1).max() > radius_m and fraction < 1.0:
+        fraction += 0.05
     positions = motion.root_positions.copy()
-    positions[:, :2] = path - share * drift
+    positions[:, :2] = path - fraction * drift
     return replace(motion, root_positions=positions)

@@ -1,4 +1,4 @@
-"""Pictures of a cluttered room to stand behind a body: wall, floor, furniture, patterns; seeded."""
+"""Images of a cluttered room to stand behind a body: wall, floor, furniture, patterns; seeded."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def cluttered_background(camera: Camera, seed: int) -> np.ndarray:
     """
     width, height = camera.model.width, camera.model.height
     rng = np.random.default_rng([seed, *camera.name.encode()])
-    picture: np.ndarray = np.empty((height, width, 3), dtype=np.float32)
+    image: np.ndarray = np.empty((height, width, 3), dtype=np.float32)
     horizon = int(height * rng.uniform(0.55, 0.75))
-    picture[:horizon] = _shaded(rng, horizon, width, (45.0, 0.12, 0.7))
-    picture[horizon:] = _shaded(rng, height - horizon, width, (30.0, 0.3, 0.45))
+    image[:horizon] = _shaded(rng, horizon, width, (45.0, 0.12, 0.7))
+    image[horizon:] = _shaded(rng, height - horizon, width, (30.0, 0.3, 0.45))
     for _ in range(_N_THINGS):
-        _add_thing(picture, rng)
-    picture = cv2.GaussianBlur(picture, (0, 0), width / 900.0)
-    return _less_yellow(np.clip(np.rint(picture), 0, 255).astype(np.uint8))
+        _add_thing(image, rng)
+    image = cv2.GaussianBlur(image, (0, 0), width / 900.0)
+    return _less_yellow(np.clip(np.rint(image), 0, 255).astype(np.uint8))
 
 
 def _shaded(rng: np.random.Generator, height: int, width: int, hsv: tuple[float, float, float]) -> np.ndarray:
@@ -54,9 +54,9 @@ def _shaded(rng: np.random.Generator, height: int, width: int, hsv: tuple[float,
     return (color * light[:, :, None]).astype(np.float32)
 
 
-def _add_thing(picture: np.ndarray, rng: np.random.Generator) -> None:
+def _add_thing(image: np.ndarray, rng: np.random.Generator) -> None:
     """Paint a cupboard, a shelf of books, a poster, a curtain..., upright or a little turned, somewhere."""
-    height, width = picture.shape[:2]
+    height, width = image.shape[:2]
     h, w = (max(8, int(side * rng.uniform(0.06, 0.38))) for side in (height, width))
     hue, saturation, value = _PALETTE[rng.integers(len(_PALETTE))]
     thing = _shaded(rng, h, w, (hue, saturation, value * rng.uniform(0.8, 1.15)))
@@ -77,12 +77,12 @@ def _add_thing(picture: np.ndarray, rng: np.random.Generator) -> None:
     turn = float(rng.normal(0.0, 4.0)) if rng.random() < 0.7 else float(rng.uniform(-40.0, 40.0))
     matrix = cv2.getRotationMatrix2D((0.5 * w, 0.5 * h), turn, 1.0)
     matrix[:, 2] += np.subtract(center, (0.5 * w, 0.5 * h))
-    cv2.warpAffine(thing, matrix, (width, height), dst=picture, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
+    cv2.warpAffine(thing, matrix, (width, height), dst=image, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
 
 
-def _less_yellow(picture: np.ndarray) -> np.ndarray:
+def _less_yellow(image: np.ndarray) -> np.ndarray:
     """Grain and light may have made a beige into a yellow: bound the saturation of such hues."""
-    hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
+    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
     yellow = (hsv[:, :, 0] >= _YELLOW[0] / 2) & (hsv[:, :, 0] <= _YELLOW[1] / 2)
     hsv[:, :, 1] = np.where(yellow, np.minimum(hsv[:, :, 1], int(255 * _MOST_SATURATED)), hsv[:, :, 1])
     return cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR)

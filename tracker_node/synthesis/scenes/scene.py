@@ -16,7 +16,7 @@ from .rasterizer import ColoredMesh, Pinhole, Rasterizer, light_coordinates
 
 _SHADOW_HALF_SIZE = 3.2  # meters about the middle of the floor that the shadow map covers
 _SHADOW_PIXELS = 512
-_SHADOW_DEPTH = 0.34  # share of the light that is lost in the full shadow
+_SHADOW_DEPTH = 0.34  # fraction of the light that is lost in the full shadow
 _BACKGROUND_SUPERSAMPLING = 2
 
 SURROUNDINGS = {"room": room.meshes, "clutter": clutter.meshes}
@@ -150,7 +150,7 @@ class CameraImaging:
 
 
 class Studio:
-    """The room and its cameras; takes pictures of a subject. Use it in a ``with`` statement (it holds an OpenGL context)."""
+    """The room and its cameras; takes images of a subject. Use it in a ``with`` statement (it holds an OpenGL context)."""
 
     def __init__(self, rig: CameraRig, config: SceneConfig):
         self.rig, self.config = rig, config

@@ -35,7 +35,7 @@ _MARGIN_PX = 24
 _CAMERAS_IN_ROW = 3
 _ROW_MARGIN_PX = 45  # around what is shown of an image
 COLORS = {"silhouette": BLUE, "edges": ORANGE, "sum": RED, "split": GREEN, "region": BLACK}
-PICTURED = "split"  # the method whose poses are drawn: those of the paper lose a quick body
+DRAWN = "split"  # the method whose poses are drawn: those of the paper lose a quick body
 _TIME_STEPS = 6
 
 
@@ -199,7 +199,7 @@ def _panels(n_rows: int, n_columns: int, box: tuple[int, int, int, int]) -> tupl
 
 
 @dataclass(frozen=True, eq=False)
-class RowPicture:
+class RowFigure:
     """One part of a body before one camera, and a row of its image.
 
     Attributes
@@ -217,27 +217,27 @@ class RowPicture:
     errors: Mapping[str, Mapping[str, Profile]]
 
 
-def row_figure(picture: RowPicture) -> Figure:
+def row_figure(of_row: RowFigure) -> Figure:
     """Fig. 3: edges and silhouette of one part; for each kind of distance, that along the row, and the error of the part moved
     along it."""
     figure = Figure(figsize=(12.0, 3.5), layout="constrained")
     axes = figure.subplots(1, 5, width_ratios=(0.8, 0.8, 1.5, 1.5, 1.5))
-    top, bottom, left, right = body_box(picture.silhouette, _ROW_MARGIN_PX)
-    for ax, image, title in zip(axes, (picture.edges, picture.silhouette), ("edges", "silhouette"), strict=False):
+    top, bottom, left, right = body_box(of_row.silhouette, _ROW_MARGIN_PX)
+    for ax, image, title in zip(axes, (of_row.edges, of_row.silhouette), ("edges", "silhouette"), strict=False):
         ax.imshow(image[top:bottom, left:right], cmap="gray", vmin=0, vmax=1, interpolation="nearest")
-        ax.axhline(picture.row - top, color=RED, lw=1.0)
+        ax.axhline(of_row.row - top, color=RED, lw=1.0)
         ax.set_title(title, fontsize=10)
         ax.set_xticks([])
         ax.set_yticks([])
-    reach = max(float(np.abs(of[key].changes).max()) for of in picture.errors.values() for key in of)
-    columns = np.arange(picture.silhouette.shape[1]) - picture.middle
+    reach = max(float(np.abs(of[key].changes).max()) for of in of_row.errors.values() for key in of)
+    columns = np.arange(of_row.silhouette.shape[1]) - of_row.middle
     for ax, key in zip(axes[2:], PUBLISHED, strict=True):
-        ax.plot(columns, picture.distances[key], color=BLUE, lw=1.0, label="distance of a pixel of the row")
-        for (title, errors), line in zip(picture.errors.items(), ("-", "--"), strict=False):
+        ax.plot(columns, of_row.distances[key], color=BLUE, lw=1.0, label="distance of a pixel of the row")
+        for (title, errors), line in zip(of_row.errors.items(), ("-", "--"), strict=False):
             ax.plot(errors[key].changes, errors[key].scores, line, color=RED, lw=2.0, label=f"error of {title}")
         plain_axes(ax, TITLES[key].partition(" (")[0], "from the part's middle [px]")
         ax.set_xlim(-reach, reach)
-    highest = 1.05 * max(float(np.nanmax(of[key].scores)) for of in picture.errors.values() for key in of)
+    highest = 1.05 * max(float(np.nanmax(of[key].scores)) for of in of_row.errors.values() for key in of)
     for ax in axes[2:]:
         ax.set_ylim(0.0, highest)
     axes[2].set_ylabel("px", fontsize=9)
@@ -276,7 +276,7 @@ def tracking_figure(panels: Mapping[str, tuple[np.ndarray, Mapping[str, np.ndarr
     return figure
 
 
-def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSection]:
+def evidence_figures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSection]:
     """Figs 4 and 5, of the image set in the middle of the clip.
 
     Parameters
@@ -298,14 +298,14 @@ def evidence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSe
     save(_evidence_figure(shots[0]), evidence)
     save(_cameras_figure(shots), cameras)
     return [
-        PageSection("What is made of an image (Fig. 4)", f"{clip.name}, camera {shots[0].camera.name}.", picture=evidence),
+        PageSection("What is made of an image (Fig. 4)", f"{clip.name}, camera {shots[0].camera.name}.", image=evidence),
         PageSection(
-            "Contours in all cameras (Fig. 5)", f"{clip.name}; outline yellow, contours within it orange.", picture=cameras
+            "Contours in all cameras (Fig. 5)", f"{clip.name}; outline yellow, contours within it orange.", image=cameras
         ),
     ]
 
 
-def sequence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSection]:
+def sequence_figures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSection]:
     """Fig. 6, of time steps over the whole clip, in its first camera.
 
     Parameters
@@ -325,8 +325,8 @@ def sequence_pictures(folder: Path, clip: Clip, run: TrackedClip) -> list[PageSe
         return []
     path = folder / f"fig6_{clip.name}.png"
     save(sequence_figure(shots, titles), path)
-    text = f"{clip.name}, camera {camera.name}, by {TITLES[PICTURED]}: contours of the pose before, what was seen, the pose."
-    return [PageSection("A sequence (Fig. 6)", text, picture=path)]
+    text = f"{clip.name}, camera {camera.name}, by {TITLES[DRAWN]}: contours of the pose before, what was seen, the pose."
+    return [PageSection("A sequence (Fig. 6)", text, image=path)]
 
 
 def _sequence(clip: Clip, run: TrackedClip, camera: Camera, numbers: Sequence[int]) -> tuple[list[Shot], list[str]]:
@@ -344,5 +344,5 @@ def _shot(clip: Clip, run: TrackedClip, camera: Camera, number: int, image_set: 
     if image is None or known is None:
         return None
     before, found = (Configuration(clip.model, run.estimates[i].state) for i in (max(number - 1, 0), number))
-    config = by_method(clip.config, PICTURED)
+    config = by_method(clip.config, DRAWN)
     return shoot(camera, image.bgr, before, found, known, config, config.chamfer.margin_px)
