@@ -103,7 +103,12 @@ def run_offline(
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
         detection = _detection_of(run, rig, reader)
-        writer = stack.enter_context(RunWriter(output, rig, run.model, masks=run.masks, through_masks=run.through_masks))
+        writer = stack.enter_context(
+            RunWriter(
+                output, rig, run.model, masks=run.masks, through_masks=run.through_masks,
+                detector=_detector_name(run, detection),
+            )
+        )  # fmt: skip
         writers = [writer.append]
         if run.smooth_s is not None:
             smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
@@ -137,6 +142,13 @@ def _detection_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> 
     if KEYPOINTS not in run.config.modalities or recorded:
         return None
     return PeopleDetection(rig, run.config, run.detection)
+
+
+def _detector_name(run: OfflineRun, detection: PeopleDetection | None) -> str | None:
+    """Of what has found the people that the run uses; empty where that was in an earlier run, None where it uses none."""
+    if detection is not None:
+        return run.detection.name
+    return "" if KEYPOINTS in run.config.modalities else None
 
 
 def _what_mostly(name: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..camera.rig import CameraRig
-from ..loaders.bag.message_types import message_of
+from ..loaders.bag.message_types import KEYPOINTS, message_of
 from ..loaders.bag.metadata import OfferedQos
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.model.urdf_writer import urdf_of
@@ -28,7 +28,7 @@ from ..tracking.constraints import resting
 from ..tracking.estimate import TrackEstimate
 from ..tracking.motion.dynamics import Belief, Dynamics
 from ..tracking.motion.smoother import Sighting, Smoother, smoothed_covariance
-from .messages import CAMERA_INFO, Content, camera_info
+from .messages import CAMERA_INFO, Content, camera_info, keypoints
 from .outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, STRING, Tracked, recorded
 
 BAG, STATES, JOINTS, POSES, SUMMARY = "bag", "states.csv", "joints.csv", "poses.csv", "run.json"
@@ -72,6 +72,8 @@ class RunWriter:
     tracker : name before the topics of the tracker.
     masks : also record ``<tracker>/<camera>/mask``, the model's silhouette.
     through_masks : also record ``<tracker>/<camera>/masked_image/compressed``, the image where that is.
+    detector : name of what finds people in the images: ``<camera>/keypoints`` holds them, so that the same states can be made
+        again; None: they are not recorded. Silhouettes are large and even, hence such a bag is compressed.
 
     Raises
     ------
@@ -87,9 +89,10 @@ class RunWriter:
         tracker: str = "tracker",
         masks: bool = False,
         through_masks: bool = False,
+        detector: str | None = None,
     ):
         self.output = Path(output)
-        self._rig, self._model = rig, model
+        self._rig, self._model, self._detector = rig, model, detector
         requested = ["mask"] * masks + ["masked_image"] * through_masks
         self._of_body, self._of_cameras = recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
         self._prefix = f"/{tracker.strip('/')}"
@@ -98,7 +101,8 @@ class RunWriter:
                 raise BagExistsError(self.output / name)
         self._count = 0
         with ExitStack() as stack:
-            self.bag = stack.enter_context(BagWriter(self.output / BAG, custom={"model": model.name}))
+            compression = "none" if detector is None else "zstd"
+            self.bag = stack.enter_context(BagWriter(self.output / BAG, custom={"model": model.name}, compression=compression))
             chain = model.chain
             self._states = stack.enter_context(StatesWriter(self.output / STATES, chain.dof_names, chain.dof_units))
             self._joints = stack.enter_context(JointsWriter(self.output / JOINTS, model.landmark_names))
@@ -113,6 +117,8 @@ class RunWriter:
             self.bag.add_topic(f"{self._prefix}/{output.topic}", output.type_name, OfferedQos())
         for camera in self._rig:
             self.bag.add_topic(f"/{camera.name}/camera_info", CAMERA_INFO, OfferedQos())
+            if self._detector is not None:
+                self.bag.add_topic(f"/{camera.name}/keypoints", KEYPOINTS, OfferedQos())
             for output in self._of_cameras:
                 self.bag.add_topic(f"{self._prefix}/{camera.name}/{output.topic}", output.type_name, OfferedQos())
 
@@ -144,6 +150,9 @@ class RunWriter:
             if image is not None:
                 info = camera_info(image.stamp_ns, camera.frame_id, camera.model)
                 self._write(f"/{camera.name}/camera_info", CAMERA_INFO, tracked, info)
+                if image.people is not None and self._detector is not None:
+                    people = keypoints(image, camera.frame_id, self._detector)
+                    self._write(f"/{camera.name}/keypoints", KEYPOINTS, tracked, people)
             for output in self._of_cameras:
                 topic = f"{self._prefix}/{camera.name}/{output.topic}"
                 self._write(topic, output.type_name, tracked, output.content(tracked, camera))

@@ -20,7 +20,7 @@ _NO_PIXELS = np.zeros((0, 0), np.uint8)
 
 
 def keypoints(image: CameraImage, frame_id: str, detector: str = "") -> Content:
-    """tracker_msgs/Keypoints: the people of an image.
+    """tracker_msgs/Keypoints: the people of an image, with the stamp of the image that they were found in.
 
     Parameters
     ----------
@@ -33,12 +33,13 @@ def keypoints(image: CameraImage, frame_id: str, detector: str = "") -> Content:
     content : the message as field -> value.
     """
     people = image.people or ()
+    stamp_ns = image.stamp_ns if image.people_stamp_ns is None else image.people_stamp_ns
     return {
-        "header": header(image.stamp_ns, frame_id),
+        "header": header(stamp_ns, frame_id),
         "camera": image.camera,
         "detector": detector,
         "names": people[0].names if people else (),
-        "persons": [_person(person, image.stamp_ns, frame_id) for person in people],
+        "persons": [_person(person, stamp_ns, frame_id) for person in people],
     }
 
 
