@@ -83,7 +83,7 @@ def lengthen(clip: Path, folder: Path, n: int) -> None:
             (folder / name / f"{i:06d}.jpg").symlink_to((clip / name / f"{image:06d}.jpg").resolve())
     for name in ("rig.yaml", "person.yaml", "state.yaml"):
         shutil.copy(clip / name, folder / name)
-    (folder / "plates").symlink_to((clip / "plates").resolve())
+    (folder / "backgrounds").symlink_to((clip / "backgrounds").resolve())
     truth = read_states(clip / "true_states.csv")
     rows = tuple(replace(truth.rows[image], stamp_ns=round(i * PERIOD_NS)) for i, image in enumerate(order))
     write_states(folder / "true_states.csv", replace(truth, rows=rows))

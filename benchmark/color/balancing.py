@@ -60,7 +60,7 @@ def main() -> int:
         folder = args.output or Path(scratch) / "run"
         keep = args.output is not None
         run_offline(
-            OfflineRun(rig, model, config, start, max_sets=n, masks=keep, through_masks=keep),
+            OfflineRun(rig, model, config, start, max_sets=n, masks=keep, masked_images=keep),
             folder,
             lambda done, total, estimate: estimates.append(estimate),
         )

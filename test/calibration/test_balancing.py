@@ -69,7 +69,7 @@ def test_a_plate_has_the_videos_pixels(sample, refinement):
     assert not balancing.has_backgrounds(folder)
     balancing.write_backgrounds(folder, ("cam02",))
     assert balancing.has_backgrounds(folder)
-    background = cv2.imread(str(folder / "plates/cam02.png"))
+    background = cv2.imread(str(folder / "backgrounds/cam02.png"))
     image = cv2.VideoCapture(str(folder / "videos/cam02.mp4")).read()[1]
     assert background.shape == image.shape == (1920, 1080, 3)
     difference = cv2.absdiff(background, image).max(axis=2)

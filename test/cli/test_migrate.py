@@ -13,6 +13,7 @@ from tracker_node.errors import FileFormatError
 from tracker_node.loaders.bag.message_types import TRACKED_STATE, message_type
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
+from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.rig_yaml import read_rig_file
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.load import load_run
@@ -63,6 +64,18 @@ def test_a_rig_keeps_its_comments(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert caught.value.field == "cameras.a.plate"
     assert main(["migrate", str(file)]) == 0
     assert read_rig_file(file).cameras["a"].background == "a.png" and file.read_text().startswith("# my room")
+
+
+def test_a_recording_keeps_its_comments(tmp_path: Path) -> None:
+    file = tmp_path / "recording.yaml"
+    file.write_text("# walk\nrig: rig.yaml\nmodel: person.yaml\noutput: run\nrecord: {masks: true, through_masks: true}\n")
+    for name in ("rig.yaml", "person.yaml"):
+        (tmp_path / name).touch()
+    with pytest.raises(FileFormatError, match=r"masked_images \(`tracker_node migrate`") as caught:
+        load_recording(file)
+    assert caught.value.field == "record.through_masks"
+    assert main(["migrate", str(file)]) == 0
+    assert load_recording(file).record.masked_images and file.read_text().startswith("# walk\n")
 
 
 DOFS = ("root_x", "root_y", "root_z", "root_rx", "root_ry", "root_rz")

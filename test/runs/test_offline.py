@@ -60,7 +60,7 @@ def finished(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
     output = tmp_path_factory.mktemp("finished") / "run"
     seen = []
     summary = run_offline(
-        offline_run(clip, masks=True, through_masks=True), output, lambda done, expected, estimate: seen.append((done, expected))
+        offline_run(clip, masks=True, masked_images=True), output, lambda done, expected, estimate: seen.append((done, expected))
     )
     assert seen == [(i + 1, N_IMAGES) for i in range(N_IMAGES)]
     return output, summary

@@ -25,11 +25,11 @@ def test_an_offline_run_announces_what_a_pipeline_records(tmp_path):
     from tracker_node.ros.pipeline import PipelineOptions
 
     rig = small_rig(tmp_path)
-    with RunWriter(tmp_path / "run", rig, tracked_arm(), masks=True, through_masks=True):
+    with RunWriter(tmp_path / "run", rig, tracked_arm(), masks=True, masked_images=True):
         pass
     with BagReader(tmp_path / "run/bag") as reader:
         written = {name: topic.type_name for name, topic in reader.topics.items()}
-    pipeline = PipelineOptions([], [], rig.names, masks=True, through_masks=True)
+    pipeline = PipelineOptions([], [], rig.names, masks=True, masked_images=True)
     live = dict(topic.lstrip("/").partition(":")[::2] for topic in pipeline.recorded_topics())
     live = {f"/{name}": kind for name, kind in live.items() if name != "diagnostics" and not name.startswith("tf")}
     assert {name: kind or "std_msgs/msg/String" for name, kind in live.items()} == written

@@ -56,11 +56,11 @@ def test_truth_lies_on_the_person_in_the_pictures(recorded):
 
 def test_plates_are_the_mean_of_noisy_empty_images(recorded):
     for name in ("cam01", "cam02"):
-        single = [cv2.imread(str(p)).astype(float) for p in sorted((recorded / "plates" / name).glob("*.jpg"))]
+        single = [cv2.imread(str(p)).astype(float) for p in sorted((recorded / "backgrounds" / name).glob("*.jpg"))]
         assert len(single) == 10
         noise = (single[0] - single[1]).std() / np.sqrt(2.0)
         assert 1.0 < noise < 4.0
-        mean = cv2.imread(str(recorded / "plates" / f"{name}.png"))
+        mean = cv2.imread(str(recorded / "backgrounds" / f"{name}.png"))
         assert np.abs(np.mean(single, axis=0) - mean).mean() < 1.0
 
 

@@ -64,7 +64,7 @@ def _tracked(recording: Recording, output: Path, progress: Progress | None) -> R
         source_options=recording.images,
         detection=recording.detection,
         masks=recording.masks,
-        through_masks=recording.through_masks,
+        masked_images=recording.masked_images,
         named_options=recording.named_options(),
     )
     summary = run_offline(what, output, progress, problems.append)

@@ -36,7 +36,7 @@ class Recording:
     images : which images of the sources, at which rate and size.
     detection : how people are found in the images, where `keypoints` is among the modalities.
     masks : record the body's silhouette in every camera, too.
-    through_masks : record the images as seen through that silhouette, too.
+    masked_images : record the images where the body is, the rest black, too.
     output : folder that ``recording.yaml`` names; None: none.
     files : name -> path of the files that the recording was read from, for ``run.json``.
 
@@ -54,7 +54,7 @@ class Recording:
     images: SourceOptions = field(default_factory=SourceOptions)
     detection: DetectionOptions = field(default_factory=DetectionOptions)
     masks: bool = False
-    through_masks: bool = False
+    masked_images: bool = False
     output: Path | None = None
     files: Mapping[str, str] = field(default_factory=dict)
 
@@ -83,7 +83,7 @@ class Recording:
             "keypoints_weights": None if self.detection.weights is None else str(self.detection.weights),
             "keypoints_every": self.detection.every_sets,
             "masks": self.masks,
-            "through_masks": self.through_masks,
+            "masked_images": self.masked_images,
         }
 
 
@@ -119,7 +119,7 @@ def open_recording(path: str | Path) -> Recording:
         occluders=load_model(file.occluders) if file.occluders else None,
         images=SourceOptions(images.start, images.end, rate_hz=images.rate_hz, size=images.resize, shrink=images.shrink),
         masks=file.record.masks,
-        through_masks=file.record.through_masks,
+        masked_images=file.record.masked_images,
         output=Path(file.output),
         files={name: str(Path(getattr(file, name)).resolve()) for name in FILES if getattr(file, name)},
     )

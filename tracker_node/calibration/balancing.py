@@ -1,4 +1,4 @@
-"""Makes the ``balancing`` sample ready to be tracked: rigs, plates, and what is wrong with the recording put right.
+"""Makes the ``balancing`` sample ready to be tracked: rigs, backgrounds, and what is wrong with the recording put right.
 
 What the files do not say, and images of them show: the videos of cam01 and cam02 (in the static trial of cam03 and cam04) were
 resampled to 1080 pixels a row with black bars above and below, while calibration, stills and 2D joints are for 1088 x 1920.
@@ -90,7 +90,7 @@ def rig_file(rig: CameraRig, trial: str) -> RigFile:
     for name, entry in plain.cameras.items():
         update: dict[str, object] = {"source": f"{trial}/{name}.mp4"}
         if trial == "videos":
-            update["background"] = f"plates/{name}.png"
+            update["background"] = f"backgrounds/{name}.png"
         if name in NARROW_CAMERAS[trial]:
             update |= {"pixel_map": NARROW_MAP, "file_image_size": NARROW_SIZE}
         entries[name] = entry.model_copy(update=update)
@@ -98,8 +98,8 @@ def rig_file(rig: CameraRig, trial: str) -> RigFile:
 
 
 def has_backgrounds(folder: Path) -> bool:
-    """True when every camera's plate has been written."""
-    return all((folder / f"plates/{still.stem}.png").exists() for still in (folder / "stills").glob("*.png"))
+    """True when every background has been written."""
+    return all((folder / f"backgrounds/{still.stem}.png").exists() for still in (folder / "stills").glob("*.png"))
 
 
 def is_prepared(folder: Path) -> bool:
@@ -108,7 +108,7 @@ def is_prepared(folder: Path) -> bool:
 
 
 def write_backgrounds(folder: Path, names: tuple[str, ...] = ()) -> None:
-    """Write plates/camNN.png in the pixels of the videos, from the videos and the stills.
+    """Write backgrounds/camNN.png in the pixels of the videos, from the videos and the stills.
 
     The stills alone will not do: their exposure differs, and on those of cam01 and cam02 a person stands in mid-scene.
 
@@ -133,7 +133,7 @@ def write_backgrounds(folder: Path, names: tuple[str, ...] = ()) -> None:
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             image = cv2.warpAffine(image, np.array(entry.pixel_map), entry.file_image_size, flags=flags)
         images = spread_images(folder / "videos" / f"{name}.mp4")
-        write_image(folder / "plates" / f"{name}.png", build_background(images, image).image)
+        write_image(folder / "backgrounds" / f"{name}.png", build_background(images, image).image)
 
 
 def write_masks(folder: Path, drawn: Path | None = None) -> Path:

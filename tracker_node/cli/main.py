@@ -11,6 +11,7 @@ import importlib
 import pkgutil
 import sys
 from types import ModuleType
+from typing import NoReturn
 
 from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
@@ -46,7 +47,7 @@ def parser_of(verb: str, module: ModuleType) -> argparse.ArgumentParser:
     -------
     The parser, with description and example.
     """
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog=f"tracker_node {verb}",
         description=module.SUMMARY,
         epilog=f"example:\n  {module.EXAMPLE}",
@@ -115,6 +116,24 @@ def _overviewed(argv: list[str]) -> int:
 
 
 _RENAMED = {"track_offline": "track", "import_rig": "rig import"}  # verbs of version 0.1
+_RENAMED_OPTIONS = {
+    "--through-masks": "--masked-images",
+    "--stills": "--background-images",
+    "--no-plates": "--no-backgrounds",
+    "--border-grey": "--border-gray",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    """One that says the present name of an option of version 0.1."""
+
+    def error(self, message: str) -> NoReturn:
+        unknown = message.removeprefix("unrecognized arguments: ").split() if message.startswith("unrecognized") else []
+        for text in unknown:
+            old = text.partition("=")[0]
+            if old in _RENAMED_OPTIONS:
+                message = f"unknown option {old}: it is {_RENAMED_OPTIONS[old]} now"
+        super().error(message)
 
 
 def _unknown(verb: str) -> int:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-SUMMARY = "rewrite a bag, a run, parameters, a rig or a body of version 0.1 with the present names; the old one is kept beside it"
+SUMMARY = "rewrite a bag, run, recording, rig, body or parameters of version 0.1 with present names; the old one is kept beside"
 EXAMPLE = """tracker_node migrate tracker.yaml
   tracker_node migrate out/run1"""
 
@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file",
         metavar="FILE|BAG|RUN",
-        help="a bag, the folder of a run, rig.yaml, model.yaml, or tracker.yaml (plain or as a ROS parameter file)",
+        help="bag, folder of a run, recording.yaml, rig.yaml, model.yaml, or tracker.yaml (plain or as a ROS parameter file)",
     )
     parser.add_argument("-o", "--output", metavar="FILE", help="where to write (default: there; the old one to NAME.old)")
 

@@ -21,13 +21,11 @@ if TYPE_CHECKING:
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
 EXAMPLE = """tracker_node track --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
   tracker_node track recording.yaml --end 20 --output out/try"""
-BUILT_IN = {"start": 0, "shrink": 1, "source": [], "masks": False, "through_masks": False}
+BUILT_IN = {"start": 0, "shrink": 1, "source": [], "masks": False, "masked_images": False}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--rig", type=Path, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read"
-    )
+    parser.add_argument("--rig", type=Path, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read")
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body to track")
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="tracker parameters, the same file as for the node (default: built in)"
@@ -80,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--keypoints-every", type=int, default=1, metavar="N", help="look for people in every N-th image set (default: 1)"
     )
     parser.add_argument("--masks", action="store_true", help="also record the model's silhouette in every camera")
-    parser.add_argument("--through-masks", action="store_true", help="also record the images as seen through that silhouette")
+    parser.add_argument("--masked-images", action="store_true", help="also record the images as seen through that silhouette")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
     add_recording_argument(parser, BUILT_IN)
 
@@ -121,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
             smooth_s=_lag(args.smooth),
             detection=_detection(args),
             masks=args.masks,
-            through_masks=args.through_masks,
+            masked_images=args.masked_images,
             named_options=named_options(args),
         ),
         args.output,

@@ -81,11 +81,19 @@ class RecordEntry(FileModel):
 
     masks: Switch = False
     overlays: Switch = False
-    through_masks: Switch = False
+    masked_images: Switch = False
     markers: Switch = False
     images: Switch = False
     split_mb: PositiveNumber | None = None
     compression: Literal["none", "lz4", "zstd"] = "none"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _present_names(cls, values: Any) -> Any:
+        if isinstance(values, dict) and "through_masks" in values:
+            expected = "its present name, masked_images (`tracker_node migrate` rewrites files)"
+            raise problem(expected, values["through_masks"], "through_masks")
+        return values
 
 
 class EvaluateEntry(FileModel):

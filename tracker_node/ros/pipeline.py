@@ -49,7 +49,7 @@ class PipelineOptions:
     sources : camera -> source, instead of the rig's; handed over where nobody else can read a password in them.
     cameras : names, for the topics.
     bag : folder to record to, or None.
-    masks, overlays, through_masks, markers, images : record these too.
+    masks, overlays, masked_images, markers, images : record these too.
     recorder : further options of ``tracker_node recorder``.
     lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
     n_expected : image sets, for the progress; None if not known.
@@ -63,7 +63,7 @@ class PipelineOptions:
     bag: Path | None = None
     masks: bool = False
     overlays: bool = False
-    through_masks: bool = False
+    masked_images: bool = False
     markers: bool = False
     images: bool = False
     recorder: list[str] = field(default_factory=list)
@@ -98,7 +98,7 @@ class PipelineOptions:
     @property
     def _recorded_outputs(self) -> tuple[list[Output], list[Output]]:
         """Of the body, of each camera."""
-        requested = ["mask"] * self.masks + ["overlay"] * self.overlays + ["masked_image"] * self.through_masks
+        requested = ["mask"] * self.masks + ["overlay"] * self.overlays + ["masked_image"] * self.masked_images
         return recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
 
 

@@ -20,8 +20,9 @@ from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, Message
 from ..loaders.bag.reader import BagMessage, BagReader
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.config_yaml import dump_parameters, load_parameters
-from ..loaders.file_model import BODY, RIG, FileModel, kind_of, validate
+from ..loaders.file_model import BODY, RECORDING, RIG, FileModel, kind_of, validate
 from ..loaders.model.model_file import ModelFile
+from ..loaders.recording_yaml import RecordingFile
 from ..loaders.rig.rig_yaml import RigFile
 from ..loaders.whole_file import read_text, write_whole
 from ..loaders.yaml_file import read_mapping
@@ -35,6 +36,7 @@ from .writer import BAG, SMOOTHED, STATES, SUMMARY
 _RENAMED_KEYS: dict[str, tuple[str, str, type[FileModel]]] = {
     RIG: ("plate", "background", RigFile),
     BODY: ("follows", "mimic", ModelFile),
+    RECORDING: ("through_masks", "masked_images", RecordingFile),
 }
 _RENAMED_TOPICS = {"overlay": "overlay/compressed", "target_through_mask": "masked_image/compressed"}
 _LIMB_STATUS = np.array([LimbStatus.UNSEEN, LimbStatus.TRACKING, LimbStatus.DEGRADED, LimbStatus.LOST], dtype=np.uint8)
@@ -42,9 +44,10 @@ _LIMB_STATUS = np.array([LimbStatus.UNSEEN, LimbStatus.TRACKING, LimbStatus.DEGR
 
 
 def migrate(path: Path, output: Path) -> list[str]:
-    """Write a bag, a run, a rig, a body, or parameters of the tracker, of version 0.1 under the present names.
+    """Write a bag, run, recording, rig, body, or parameters of the tracker, of version 0.1 under the present names.
 
-    In its own place the old one goes to ``<name>.old``. Comments of rigs and bodies are kept, those of parameters are not.
+    In its own place the old one goes to ``<name>.old``. Comments of recordings, rigs and bodies are kept, those of parameters are
+    not.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class OfflineRun:
     max_sets : stop after so many sets.
     smooth_s : smooth the states with so many seconds of what came after them; infinite: with all of it; None: not at all.
     detection : how people are found, where `keypoints` is among the modalities.
-    masks, through_masks : record the model's silhouettes, and the images as seen through them.
+    masks, masked_images : record the model's silhouettes, and the images as seen through them.
     named_options : what the user gave, for ``run.json``.
     """
 
@@ -66,7 +66,7 @@ class OfflineRun:
     smooth_s: float | None = None
     detection: DetectionOptions = field(default_factory=DetectionOptions)
     masks: bool = False
-    through_masks: bool = False
+    masked_images: bool = False
     named_options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -105,7 +105,7 @@ def run_offline(
         detection = _detection_of(run, rig, reader)
         writer = stack.enter_context(
             RunWriter(
-                output, rig, run.model, masks=run.masks, through_masks=run.through_masks,
+                output, rig, run.model, masks=run.masks, masked_images=run.masked_images,
                 detector=_detector_name(run, detection),
             )
         )  # fmt: skip

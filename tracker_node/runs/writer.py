@@ -71,7 +71,7 @@ class RunWriter:
     output : folder, made here; it must not hold a run yet.
     tracker : name before the topics of the tracker.
     masks : also record ``<tracker>/<camera>/mask``, the model's silhouette.
-    through_masks : also record ``<tracker>/<camera>/masked_image/compressed``, the image where that is.
+    masked_images : also record ``<tracker>/<camera>/masked_image/compressed``, the image where that is.
     detector : name of what finds people in the images: ``<camera>/keypoints`` holds them, so that the same states can be made
         again; None: they are not recorded. Silhouettes are large and even, hence such a bag is compressed.
 
@@ -88,12 +88,12 @@ class RunWriter:
         *,
         tracker: str = "tracker",
         masks: bool = False,
-        through_masks: bool = False,
+        masked_images: bool = False,
         detector: str | None = None,
     ):
         self.output = Path(output)
         self._rig, self._model, self._detector = rig, model, detector
-        requested = ["mask"] * masks + ["masked_image"] * through_masks
+        requested = ["mask"] * masks + ["masked_image"] * masked_images
         self._of_body, self._of_cameras = recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
         self._prefix = f"/{tracker.strip('/')}"
         for name in (BAG, STATES, JOINTS, POSES, SUMMARY):

@@ -1,11 +1,11 @@
 """Synthetic sequences in a folder, in the same formats as real ones, with their truth.
 
 =====================  ==========================================================================================
-``rig.yaml``           cameras; sources and plates relative to the folder
+``rig.yaml``           cameras; sources and backgrounds relative to the folder
 ``cam01/000000.jpg``   images of each camera (JPEG of quality 95 without chroma subsampling, or PNG)
-``plates/cam01.png``   mean of the empty images; ``plates/cam01/00.jpg``...: those images, each with its own noise (optional)
+``backgrounds/cam01.png``   mean of the images in ``backgrounds/cam01/``, each with its own noise (optional)
 ``truth.csv``          joint centers, in the format of joints.csv
-``evaluation.truth.states.csv``    states, in the format of states.csv, of a subject that has them
+``true_states.csv``    states, in the format of states.csv, of a subject that has them
 ``static.trc``         joint centers in a T-pose, in landmark names (scales the tracker's model to the subject)
 ``synthetic.json``     how it was made; written last
 =====================  ==========================================================================================
@@ -108,7 +108,7 @@ def record(
         _clear(folder / camera.name)
     with Studio(rig, scene) as studio, JointsWriter(folder / "truth.csv", sequence.landmark_names) as truth:
         if scene.backgrounds:
-            _write_backgrounds(studio, folder / "plates")
+            _write_backgrounds(studio, folder / "backgrounds")
         suffix = ".png" if scene.lossless else ".jpg"
         for i, time_step in enumerate(sequence.time_steps):
             for camera, image in zip(rig, studio.images(time_step.mesh, i), strict=True):
@@ -203,7 +203,9 @@ def _write_backgrounds(studio: Studio, folder: Path) -> None:
 def _write_rig(rig: CameraRig, folder: Path, backgrounds: bool) -> None:
     rig_file = rig_file_of(rig)
     cameras = {
-        name: entry.model_copy(update={"source": name, "background": f"plates/{name}.png" if backgrounds else entry.background})
+        name: entry.model_copy(
+            update={"source": name, "background": f"backgrounds/{name}.png" if backgrounds else entry.background}
+        )
         for name, entry in rig_file.cameras.items()
     }
     write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")

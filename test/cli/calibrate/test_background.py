@@ -35,20 +35,20 @@ def rig_path(tmp_path):
 
 def run(rig_path, *arguments):
     folder = rig_path.parent
-    return main(["calibrate", "background", "--rig", str(rig_path), "--output-dir", str(folder / "plates"), *arguments])
+    return main(["calibrate", "background", "--rig", str(rig_path), "--output-dir", str(folder / "backgrounds"), *arguments])
 
 
-def test_plates_show_the_room_and_are_named_in_the_rig(rig_path, tmp_path, capsys):
+def test_backgrounds_show_the_room_and_are_named_in_the_rig(rig_path, tmp_path, capsys):
     assert run(rig_path, "--images", "8", "-o", str(tmp_path / "with.yaml")) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[0].startswith("cam01: 0.0 % of the background not known")
     for camera in load_rig(rig_path):
-        plate = cv2.imread(str(tmp_path / "plates" / f"{camera.name}.png")).astype(int)
+        plate = cv2.imread(str(tmp_path / "backgrounds" / f"{camera.name}.png")).astype(int)
         room = cv2.imread(str(tmp_path / f"room_{camera.name}.png")).astype(int)
         assert np.abs(plate - room).max() <= 3
     entries = read_rig_file(tmp_path / "with.yaml").cameras
     assert [(tmp_path / entry.background).resolve() for entry in entries.values()] == [
-        (tmp_path / "plates" / f"{name}.png").resolve() for name in ("cam01", "cam02")
+        (tmp_path / "backgrounds" / f"{name}.png").resolve() for name in ("cam01", "cam02")
     ]
     assert said[-1] == f"wrote {tmp_path / 'with.yaml'}"
 
@@ -67,14 +67,14 @@ def test_what_always_stands_there_is_not_known_or_comes_from_a_still(rig_path, t
     stills.mkdir()
     for name in ("cam01", "cam02"):
         (tmp_path / f"room_{name}.png").rename(stills / f"{name}.png")
-    assert run(rig_path, "--images", "8", "--force", "--stills", str(stills)) == 0
-    assert "% of the background from the still" in capsys.readouterr().out
-    plate = cv2.imread(str(tmp_path / "plates/cam01.png")).astype(int)
+    assert run(rig_path, "--images", "8", "--force", "--background-images", str(stills)) == 0
+    assert "% of the background from its image alone" in capsys.readouterr().out
+    plate = cv2.imread(str(tmp_path / "backgrounds/cam01.png")).astype(int)
     room = cv2.imread(str(stills / "cam01.png")).astype(int)
     assert np.abs(plate - room)[26:, 34:].mean() < 10.0
 
 
-def test_plates_that_are_there_stay(rig_path, capsys):
+def test_backgrounds_that_are_there_stay(rig_path, capsys):
     assert run(rig_path, "--images", "8") == 0
     assert run(rig_path, "--images", "8") == 2
     assert "--force" in capsys.readouterr().err

@@ -85,21 +85,28 @@ def test_plates_from_recordings_go_into_the_rig(files, capsys):
             cv2.imwrite(str(files / name / f"{i}.png"), image)
         cameras[name] = entry.model_copy(update={"source": name})
     write_rig_file(rig_file.model_copy(update={"cameras": cameras}), files / "sourced.yaml")
-    arguments = ["--rig", str(files / "sourced.yaml"), "--stills", str(files), "--output-dir", str(files / "plates")]
-    assert main(["calibrate", "background", *arguments, "-o", str(files / "with_plates.yaml")]) == 0
-    for camera in load_rig(files / "with_plates.yaml"):
+    arguments = [
+        "--rig",
+        str(files / "sourced.yaml"),
+        "--background-images",
+        str(files),
+        "--output-dir",
+        str(files / "backgrounds"),
+    ]
+    assert main(["calibrate", "background", *arguments, "-o", str(files / "with_backgrounds.yaml")]) == 0
+    for camera in load_rig(files / "with_backgrounds.yaml"):
         plate, scene = cv2.imread(camera.background), cv2.imread(str(files / f"{camera.name}.png"))
         assert np.abs(plate.astype(int) - scene).max() <= 3
     (files / "cam02.png").unlink()
     capsys.readouterr()
-    before = (files / "plates" / "cam01.png").read_bytes()
+    before = (files / "backgrounds" / "cam01.png").read_bytes()
     assert main(["calibrate", "background", *arguments]) == 2
-    assert f"{files / 'plates' / 'cam01.png'} is there already" in capsys.readouterr().err
+    assert f"{files / 'backgrounds' / 'cam01.png'} is there already" in capsys.readouterr().err
     cv2.imwrite(str(files / "cam01.png"), np.zeros((480, 640, 3), np.uint8))
     assert main(["calibrate", "background", *arguments, "--force"]) == 2
     assert "has no image named cam02" in capsys.readouterr().err
-    assert (files / "plates" / "cam01.png").read_bytes() == before  # none is written unless all can be
-    again = [*arguments[:2], *arguments[4:], "-o", str(files / "with_plates.yaml")]
+    assert (files / "backgrounds" / "cam01.png").read_bytes() == before  # none is written unless all can be
+    again = [*arguments[:2], *arguments[4:], "-o", str(files / "with_backgrounds.yaml")]
     assert main(["calibrate", "background", *again, "--output-dir", str(files / "others")]) == 2
     assert not (files / "others").exists()
     assert main(["calibrate", "background", *again, "--force"]) == 0

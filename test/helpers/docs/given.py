@@ -77,8 +77,8 @@ def scaled_arm(place: Place) -> None:
     (place.folder / "person.yaml").rename(place.folder / "scaled.yaml")
 
 
-def arm_with_stills(place: Place) -> None:
-    """What ``calibrate background`` starts from, with stills."""
+def arm_with_background_images(place: Place) -> None:
+    """What ``calibrate background`` starts from, with images of the background alone."""
     arm(place)
     (place.folder / "rig.yaml").rename(place.folder / "rig_refined.yaml")
     for plate in place.folder.glob("*_plate.png"):
@@ -126,7 +126,7 @@ def write_trc(path: Path, joints: JointTrajectory) -> None:
 def person_clip(place: Place) -> None:
     """A person to be tracked, with the files of other programs that say who and where."""
     place.lay(place.shelf.person)
-    place.lay(place.shelf.person / "rig.yaml", "rig_with_plates.yaml")
+    place.lay(place.shelf.person / "rig.yaml", "rig_with_backgrounds.yaml")
     write_trc(place.folder / "first.trc", read_joints(place.shelf.person / "truth.csv"))
 
 
@@ -265,7 +265,7 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/cameras.md", "Check and mend the poses of the cameras"): ((moved_cameras,), ()),
     ("docs/cameras.md", "By a tracked run"): ((scaled_arm,), ()),
     ("docs/cameras.md", "Clocks"): ((swinging_disc,), ()),
-    ("docs/cameras.md", "Backgrounds"): ((arm_with_stills,), ()),
+    ("docs/cameras.md", "Backgrounds"): ((arm_with_background_images,), ()),
     ("docs/cameras.md", "Lights"): ((lit_cross,), ()),
     ("docs/cameras.md", "Images without distortion"): ((arm,), ()),
     ("docs/nodes.md", "pipeline"): ((arm,), ()),

@@ -21,7 +21,7 @@ cameras:
     distortion: [-7e-4, 2e-3, 9.5e-06, 1.0e-05]
     T_world_cam: [[1, 0, 0, 0.5], [0, 0, 1, -2], [0, -1, 0, 1.1], [0, 0, 0, 1]]
     source: videos/left.mp4
-    background: plates/left.png
+    background: backgrounds/left.png
     time_offset_s: -0.0085
     pixel_map: [[1.0074, 0.001, 0], [0, 1.0074, -7.2]]
     file_image_size: [1080, 1920]
@@ -51,7 +51,7 @@ def test_everything_arrives(rig_path, tmp_path):
     assert rig.world_frame == "lab"
     left, right = rig.cameras
     assert left.source == str(tmp_path / "videos" / "left.mp4")
-    assert left.background == str(tmp_path / "plates" / "left.png")
+    assert left.background == str(tmp_path / "backgrounds" / "left.png")
     assert right.source == "/data/right.mp4"
     assert left.time_offset_ns == -8_500_000
     assert left.center.tolist() == [0.5, -2.0, 1.1]

@@ -31,7 +31,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
 def live(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bag of a lossless run with everything in it."""
     bag = tmp_path_factory.mktemp("live") / "bag"
-    run_pipeline(Process, clip, bag, "--images", "--masks", "--through-masks")
+    run_pipeline(Process, clip, bag, "--images", "--masks", "--masked-images")
     return bag
 
 
@@ -74,7 +74,7 @@ def assert_same_states(live: Path, offline: Path) -> None:
 
 
 def test_a_recorded_run_is_reproduced_bit_for_bit(clip: Clip, live: Path, tmp_path: Path) -> None:
-    track_again(clip, tmp_path / "again", "--from-run-bag", str(live), "--masks", "--through-masks")
+    track_again(clip, tmp_path / "again", "--from-run-bag", str(live), "--masks", "--masked-images")
     offline = tmp_path / "again/bag"
     assert len(decoded(live, "/tracker/state")) == N_IMAGES
     assert_same_states(live, offline)
@@ -144,9 +144,9 @@ def test_the_engine_of_colors_is_reproduced_bit_for_bit(clip: Clip, tmp_path: Pa
     config = tmp_path / "config.yaml"
     config.write_text("modalities: [color]\n" + "".join(f"color.{name}: {value}\n" for name, value in color.items()))
     colored = replace_option(clip.arguments(), "--config", config)
-    pipeline = start("pipeline", *colored, "--bag", str(tmp_path / "live"), "--images", "--through-masks")
+    pipeline = start("pipeline", *colored, "--bag", str(tmp_path / "live"), "--images", "--masked-images")
     assert pipeline.process.wait(120) == 0, pipeline.text
-    again = ["track", *colored, "--output", str(tmp_path / "again"), "--quiet", "--through-masks"]
+    again = ["track", *colored, "--output", str(tmp_path / "again"), "--quiet", "--masked-images"]
     assert main([*again, "--from-run-bag", str(tmp_path / "live")]) == 0
     assert_same_states(tmp_path / "live", tmp_path / "again/bag")
     states = decoded(tmp_path / "live", "/tracker/state")

@@ -48,7 +48,7 @@ def children_of(process: NodeProcess) -> list[int]:
 
 def test_everything_is_tracked_and_recorded(launch, recording, tmp_path):
     bag = tmp_path / "bag"
-    also = ("--masks", "--overlays", "--through-masks", "--markers", "--images")
+    also = ("--masks", "--overlays", "--masked-images", "--markers", "--images")
     pipeline = launch(*files_of(recording), "--bag", bag, *also)
     assert pipeline.wait() == 0, pipeline.err
     assert "12 image sets: 12 TRACKING" in pipeline.out

@@ -50,14 +50,14 @@ def test_speeds_of_a_known_motion():
     assert abs(moved_m - np.linalg.norm(points[1] - points[0], axis=1).max()) < 1e-12
 
 
-def test_a_recording_of_it_has_true_states_no_plates_and_exact_images(tmp_path):
+def test_a_recording_of_it_has_true_states_no_backgrounds_and_exact_images(tmp_path):
     scene = SceneConfig(
         n_cameras=2, width=160, height=120, focal_px=140.0, radius=3.2, distortion=(), noise_levels=0.0, shadow=False,
         surroundings="clutter", backgrounds=False, lossless=True,
     )  # fmt: skip
     produce(Request(subject="figure", n_images=2, scene=scene), tmp_path)
     rig, model = load_rig(tmp_path / "rig.yaml"), load_model(tmp_path / "person.yaml")
-    assert not any(camera.background for camera in rig) and not (tmp_path / "plates").exists()
+    assert not any(camera.background for camera in rig) and not (tmp_path / "backgrounds").exists()
     truth, states = read_joints(tmp_path / "truth.csv"), read_states(tmp_path / "true_states.csv")
     assert states.dof_names == model.chain.dof_names
     np.testing.assert_array_equal(states.stamps_ns, truth.stamps_ns)

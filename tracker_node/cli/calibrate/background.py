@@ -7,21 +7,23 @@ from pathlib import Path
 
 from ..arguments.run_images import refuse_to_overwrite
 
-SUMMARY = "make images of the background (the empty scene) from the recordings of a rig, and from stills if there are any"
-EXAMPLE = "tracker_node calibrate background --rig rig.yaml --stills empty_room/ --output-dir plates -o rig_with_plates.yaml"
+SUMMARY = (
+    "make images of the background (the empty scene) from the recordings of a rig, and from images of it alone if there are any"
+)
+EXAMPLE = "tracker_node calibrate background --rig rig.yaml --background-images empty_room/ -o rig_with_backgrounds.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", required=True, metavar="RIG", help="rig.yaml whose cameras have sources")
     parser.add_argument(
-        "--stills",
+        "--background-images",
         metavar="DIR",
         help="one image a camera, named as the camera, in the pixels of its recording: for places where somebody always stands",
     )
     parser.add_argument(
         "--images", type=int, default=25, metavar="N", help="images of each recording to look at (default: %(default)s)"
     )
-    parser.add_argument("--output-dir", default="plates", metavar="DIR", help="folder for the images (default: %(default)s)")
+    parser.add_argument("--output-dir", default="backgrounds", metavar="DIR", help="folder for the images (default: %(default)s)")
     parser.add_argument("-o", "--output", metavar="FILE", help="rig file to write, with the images in it (default: none)")
     parser.add_argument("--force", action="store_true", help="overwrite the images and the output")
 
@@ -38,10 +40,10 @@ def run(args: argparse.Namespace) -> int:
     paths = {name: Path(args.output_dir) / f"{name}.png" for name in rig.names}
     refuse_to_overwrite(args, *paths.values(), *([args.output] if args.output else []))
     images = {}
-    for name, background in build_backgrounds(rig, args.images, args.stills):
+    for name, background in build_backgrounds(rig, args.images, args.background_images):
         images[name] = background.image
         unknown = 100.0 * (1.0 - float(background.known.mean()))
-        rest = "from the still" if args.stills else "not known, somebody is there too often"
+        rest = "from its image alone" if args.background_images else "not known, somebody is there too often"
         print(f"{name}: {unknown:.1f} % of the background {rest}", flush=True)
     for name, image in images.items():
         write_image(paths[name], image)

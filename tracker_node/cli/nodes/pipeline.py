@@ -16,7 +16,7 @@ from .tracker import add_body_arguments
 SUMMARY = "run camera_ingest, tracker and recorder together, from cameras to a bag, and evaluate if a recording.yaml says so"
 EXAMPLE = """tracker_node pipeline recording.yaml
   tracker_node pipeline --rig rig.yaml --model person.yaml --initial-state start.yaml --bag out/run1/bag --masks"""
-RECORDED = ("masks", "overlays", "through_masks", "markers", "images")
+RECORDED = ("masks", "overlays", "masked_images", "markers", "images")
 BUILT_IN = {
     **{"start": 0, "shrink": 1, "source": [], "capture": [], "split_mb": 0.0, "compression": "none"},
     **dict.fromkeys((*RECORDED, "loop", "real_time"), False),
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--masks", action="store_true", help="record the model's silhouettes too")
     parser.add_argument("--overlays", action="store_true", help="record images with the model drawn over them too")
-    parser.add_argument("--through-masks", action="store_true", help="record the images as seen through the body's mask too")
+    parser.add_argument("--masked-images", action="store_true", help="record the images as seen through the body's mask too")
     parser.add_argument("--markers", action="store_true", help="record the body's shapes too, as RViz and Foxglove show them")
     parser.add_argument("--images", action="store_true", help="record the cameras' images too")
     parser.add_argument("--split-mb", type=float, metavar="MB", help="another file of the bag at this size (default: never)")
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
         bag=args.bag,
         masks=args.masks,
         overlays=args.overlays,
-        through_masks=args.through_masks,
+        masked_images=args.masked_images,
         markers=args.markers,
         images=args.images,
         recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
