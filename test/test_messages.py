@@ -13,7 +13,7 @@ from tracker_node.tracking.estimate import LimbStatus, Status
 
 STATUS_VALUES = {"INITIALIZING": 0, "TRACKING": 1, "DEGRADED": 2, "LOST": 3}
 LIMB_VALUES = {"LIMB_TRACKING": 1, "LIMB_DEGRADED": 2, "LIMB_LOST": 3, "LIMB_UNSEEN": 4}
-TYPES = {name: f"msgs/msg/{name}.msg" for name in ("TrackedState", "StateCovariance", "KeypointPerson", "Keypoints")}
+TYPES = {name: f"msgs/msg/{name}.msg" for name in ("TrackedState", "StateCovariance", "Crops", "KeypointPerson", "Keypoints")}
 
 
 def test_tracked_state_of_the_installed_package() -> None:
@@ -98,9 +98,7 @@ def _assert_same_bytes(message: Any, repository: Path) -> None:
 
 def _plain(message: Any, store: Typestore) -> dict[str, Any]:
     """The fields of a ROS message as rosbags wants them."""
-    return {
-        name: _plain_value(getattr(message, name), store) for name in message.get_fields_and_field_types()
-    }
+    return {name: _plain_value(getattr(message, name), store) for name in message.get_fields_and_field_types()}
 
 
 def _plain_value(value: Any, store: Typestore) -> Any:

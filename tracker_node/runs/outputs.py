@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig
-from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE
+from ..loaders.bag.message_types import CROPS, STATE_COVARIANCE, TRACKED_STATE
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
 from ..render.raycast.raycaster import render_mask
 from ..tracking.estimate import TrackEstimate
+from ..tracking.keypoints.crops import crops_of
 from . import messages
 from .messages import COMPRESSED_IMAGE, IMAGE, Content
 
@@ -93,7 +94,15 @@ def _joint_states(tracked: Tracked) -> Content | None:
 
 
 def _state(tracked: Tracked) -> Content:
-    return messages.tracked_state(tracked.estimate, tracked.model, tracked.frame_id)
+    return messages.tracked_state(tracked.estimate, tracked.model, tracked.frame_id, tracked.image_set)
+
+
+def _crops(tracked: Tracked) -> Content:
+    """Where a detector should look in the next images; in all of them while the body is not known."""
+    rig, estimate = tracked.rig, tracked.estimate
+    known = estimate.status.known
+    squares = crops_of(tracked.model, rig, estimate.state) if known else [None] * len(rig)
+    return messages.crops(estimate.stamp_ns, tracked.frame_id, rig.names, squares)
 
 
 def _state_covariance(tracked: Tracked) -> Content:
@@ -132,6 +141,7 @@ BODY_OUTPUTS = (
     Output("twist", "geometry_msgs/msg/TwistWithCovarianceStamped", _twist, on_request=True, in_bag=NEVER),
     Output("pose", "geometry_msgs/msg/PoseWithCovarianceStamped", _pose),
     Output("joint_states", "sensor_msgs/msg/JointState", _joint_states),
+    Output("crops", CROPS, _crops, on_request=True, in_bag=NEVER),
     Output("state_covariance", STATE_COVARIANCE, _state_covariance, on_request=True),
     Output("state", TRACKED_STATE, _state),
 )

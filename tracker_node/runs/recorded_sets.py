@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from ..camera.rig import CameraRig
 from ..errors import SourceError
 from ..loaders.bag.images import only_topic
-from ..loaders.bag.message_types import TRACKED_STATE, stamp_ns_of
-from ..loaders.bag.reader import BagReader
+from ..loaders.bag.message_types import KEYPOINTS, TRACKED_STATE, stamp_ns_of
+from ..loaders.bag.reader import BagMessage, BagReader
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
 from .image_sets import ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
 from .load import state_messages
 from .messages import CAMERA_INFO
+from .points import detected_people, with_people
 
 
 @dataclass(frozen=True)
 class RecordedSet:
-    """The images that one recorded state was made from."""
+    """The images that one recorded state was made from, and the points of a detector that were used with them."""
 
     stamp_ns: int
     images: tuple[tuple[str, int], ...]  # camera, stamp
+    points: tuple[tuple[str, int], ...] = ()  # camera, stamp of the image that they were found in
 
 
 class RecordedRunStream(ImageSetStream):
@@ -52,6 +54,7 @@ class RecordedRunStream(ImageSetStream):
         self._needed = Counter(key for recorded in self.sets for key in recorded.images)
         self._read: Counter[str] = Counter()
         self._used: Counter[str] = Counter()
+        self._points = _recorded_points(reader, self.sets)
         self.incomplete_sets = 0
         if reader.recovered:
             self.errors.append(f"bag {reader.path} is unfinished: {reader.problem}")
@@ -85,25 +88,34 @@ class RecordedRunStream(ImageSetStream):
         while waiting:
             recorded = waiting[-1]
             missing = [key for key in recorded.images if key not in images]
+            lacking = [key for key in recorded.points if key not in self._points]
             if missing and not final and len(images) <= self.AHEAD * max(len(recorded.images), 1):
                 return
             waiting.pop()
-            if missing or not recorded.images:
-                self._note_incomplete(recorded, missing)
-            else:
-                found = tuple(images[key] for key in recorded.images)
+            if lacking or missing or not recorded.images:
+                self._note_incomplete(recorded, missing, lacking)
+            if not missing and recorded.images:
+                found = tuple(self._with_points(images[key], recorded) for key in recorded.images)
                 self._used.update(image.camera for image in found)
                 yield ImageSet(recorded.stamp_ns, found)
             for key in recorded.images:
                 self._needed[key] -= 1
                 images.pop(key, None)
 
-    def _note_incomplete(self, recorded: RecordedSet, missing: list[tuple[str, int]]) -> None:
+    def _with_points(self, image: CameraImage, recorded: RecordedSet) -> CameraImage:
+        """The image with the people that were used with it; with none where none were."""
+        for key in recorded.points:
+            if key[0] == image.camera and key in self._points:
+                return with_people(image, detected_people(self._reader.decode(self._points[key])))
+        return image
+
+    def _note_incomplete(self, recorded: RecordedSet, missing: list[tuple[str, int]], lacking: list[tuple[str, int]]) -> None:
         self.incomplete_sets += 1
         if self.incomplete_sets == 1:
-            what = ", ".join(f"{camera} at {stamp_ns} ns" for camera, stamp_ns in missing) or "it names no image"
+            kind = "points" if lacking and not missing else "images"
+            what = ", ".join(f"{camera} at {stamp_ns} ns" for camera, stamp_ns in missing or lacking) or "it names no image"
             self.errors.append(
-                f"the set at {recorded.stamp_ns} ns of {self._reader.path} cannot be made again, images are missing: {what};"
+                f"the set at {recorded.stamp_ns} ns of {self._reader.path} cannot be made again, {kind} are missing: {what};"
                 " states from here on may differ from the recorded ones"
             )
 
@@ -160,7 +172,22 @@ def recorded_set(message) -> RecordedSet:
     """
     stamp_ns = stamp_ns_of(message.header.stamp)
     pairs = [(camera, stamp_ns_of(stamp)) for camera, stamp in zip(message.cameras, message.camera_stamps, strict=True)]
-    return RecordedSet(stamp_ns, tuple((camera, ns) for camera, ns in pairs if ns or stamp_ns <= 0))
+    images = tuple((camera, ns) for camera, ns in pairs if ns or stamp_ns <= 0)
+    used = zip(getattr(message, "keypoint_cameras", ()), getattr(message, "keypoint_stamps", ()), strict=True)
+    return RecordedSet(stamp_ns, images, tuple((camera, stamp_ns_of(stamp)) for camera, stamp in used))
+
+
+def _recorded_points(reader: BagReader, sets: Iterable[RecordedSet]) -> dict[tuple[str, int], BagMessage]:
+    """The messages with the points that were used, the first of those of one image, as it was live."""
+    needed = {key for recorded in sets for key in recorded.points}
+    topics = reader.topics_of_type(KEYPOINTS) if needed else []
+    found: dict[tuple[str, int], BagMessage] = {}
+    for message in reader.messages(topics) if topics else ():
+        content = reader.decode(message)
+        key = str(content.camera), stamp_ns_of(content.header.stamp)
+        if key in needed:
+            found.setdefault(key, message)
+    return found
 
 
 def _stamps(source: ImageSource) -> set[int]:

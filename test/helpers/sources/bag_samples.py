@@ -64,6 +64,8 @@ def tracked_state(stamp_ns: int, residual: float = 1.5):
         camera_stamps=[header(stamp_ns).stamp],
         camera_residuals=np.array([residual]),
         camera_samples=np.array([25], dtype=np.uint32),
+        keypoint_cameras=[],
+        keypoint_stamps=[],
         limbs=["trunk"],
         limb_status=np.array([1], dtype=np.uint8),
         limb_lost_probability=np.array([0.25]),

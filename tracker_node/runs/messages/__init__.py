@@ -6,6 +6,7 @@ into those of bags, so the live node and the offline run say the same. Begin wit
 
 from .body import changed_markers, joint_state, markers, pose, state_covariance, tracked_state, twist
 from .cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, camera_info, compressed_image, image, jpeg_of, lens_of
+from .crops import crops, crops_in
 from .parts import Content, header, pose_of, transforms
 from .people import keypoints, people_of
 
@@ -17,6 +18,8 @@ __all__ = [
     "camera_info",
     "changed_markers",
     "compressed_image",
+    "crops",
+    "crops_in",
     "header",
     "image",
     "joint_state",

@@ -9,6 +9,7 @@ from ...model.articulated import ArticulatedModel, Shape
 from ...model.configuration import Configuration
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...model.shapes.primitives import Box, Ellipsoid, TruncatedCone
+from ...observation.image_set import ImageSet
 from ...render.palette import rgb_of
 from ...tracking.estimate import Status, TrackEstimate
 from .parts import Content, header, pose_of, xyz
@@ -16,7 +17,7 @@ from .parts import Content, header, pose_of, xyz
 _NOTHING = np.zeros(0)
 
 
-def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str) -> Content:
+def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: str, image_set: ImageSet | None = None) -> Content:
     """tracker_msgs/TrackedState: everything the tracker says about one image set; ``frame_id`` is the world's.
 
     Parameters
@@ -24,11 +25,14 @@ def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: st
     estimate : what the tracker says of one image set.
     model : the body.
     frame_id : name of the world frame.
+    image_set : the images, with the points that were used; None: none were.
 
     Returns
     -------
     content : the message as field -> value.
     """
+    with_points = [] if image_set is None else [image for image in image_set.images if image.people is not None]
+    points_ns = [image.stamp_ns if image.people_stamp_ns is None else image.people_stamp_ns for image in with_points]
     return {
         "header": header(estimate.stamp_ns, frame_id),
         "status": int(estimate.status),
@@ -45,6 +49,8 @@ def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: st
         "camera_stamps": [time_of(report.stamp_ns) for report in estimate.cameras],
         "camera_residuals": [report.residual for report in estimate.cameras],
         "camera_samples": [report.samples for report in estimate.cameras],
+        "keypoint_cameras": [image.camera for image in with_points],
+        "keypoint_stamps": [time_of(stamp_ns) for stamp_ns in points_ns],
         "limbs": [limb.name for limb in estimate.limbs],
         "limb_status": [int(limb.status) for limb in estimate.limbs],
         "limb_lost_probability": [limb.probability for limb in estimate.limbs],
