@@ -15,7 +15,7 @@ from ...errors import TrackerError
 from ...model.configuration import State
 from ...observation.image_set import ImageSet
 from ...runs.messages import lens_of
-from ...tracking.config import TrackerConfig
+from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import TrackEstimate
 from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
 from ..ending import hurried
@@ -25,9 +25,11 @@ from .camera_diagnostics import CameraDiagnostics
 from .diagnostics import TrackerDiagnostics
 from .heap import keep_for_ever
 from .image_inbox import ImageInbox, InboxOptions
+from .keypoint_inbox import KeypointInbox
 from .options import TrackerMaker, TrackerOptions
 from .outputs import TrackerOutputs
 from .parameters import ConfigParameters, FixedParameter
+from .point_matching import PointMatching
 from .services import TrackerServices
 from .setup import UNCALIBRATED, SetupBuilder, TrackingSetup
 from .worker import TrackingWorker
@@ -98,6 +100,8 @@ class TrackerNode(ManagedNode):
         inbox = InboxOptions(self._lossless, bool(fixed["compressed"]), options.inbox.capacity, options.inbox.most_bytes)
         self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
         config = self._parameters_of_node.config
+        points = PointMatching(config.synchronizer.image_period_s)
+        self._keypoints = KeypointInbox(self, points, self._mismatches, self._diagnostics)
         self._maker.prepare(cameras, config, writeable=inbox.compressed)
         self._maker.check(cameras, config)  # loads what a change of parameters needs
         keep_for_ever()
@@ -108,6 +112,7 @@ class TrackerNode(ManagedNode):
             self._on_estimate,
             initial_state=options.initial_state or State.neutral(options.model),
             lossless=self._lossless,
+            points=points,
             on_error=self.get_logger().error,
         )
         self._tracker_diagnostics = TrackerDiagnostics(self._diagnostics, options.model)
@@ -119,6 +124,7 @@ class TrackerNode(ManagedNode):
         self._builder.wait()
         self._use_new_setup()
         self._inbox.subscribe(self._parameters_of_node.cameras)
+        self._listen_to_detectors(self._setup_in_use)
         refuse_unknown_qos(self)
         self._camera_diagnostics.restart()
         self._listening_since_s = time.monotonic()
@@ -131,12 +137,14 @@ class TrackerNode(ManagedNode):
         if self._worker is not None:
             self._worker.stop(finish=False)
             self._inbox.subscribe(())
+            self._keypoints.subscribe(())
 
     def tear_down(self) -> None:
         """Forget everything."""
         self._builder.forget()
         if self._worker is not None:
             self._inbox.subscribe(())
+            self._keypoints.subscribe(())
         if self._outputs is not None:
             self._outputs.close()
         self._worker = self._outputs = None
@@ -228,12 +236,20 @@ class TrackerNode(ManagedNode):
             return
         if self.state == ACTIVE:
             self._inbox.subscribe(setup.cameras)
+            self._listen_to_detectors(setup)
         self._worker.use(setup)
         self._setup_in_use = setup
         self._changes += 1
         self._diagnostics.report(PARAMETERS, OK, "in effect", {"changes": self._changes})
         if self._from_topics and setup.rig is not None:
             self._diagnostics.report("calibration", OK, "complete")
+
+    def _listen_to_detectors(self, setup: TrackingSetup) -> None:
+        """Where points are among the modalities, and only there."""
+        wanted = KEYPOINTS in setup.config.modalities
+        self._keypoints.subscribe(setup.cameras if wanted else ())
+        if not wanted:
+            self._keypoints.rest()
 
     def _take_calibrations(self) -> None:
         """When all cameras in use have said what their lenses are, tracking begins."""
@@ -280,6 +296,7 @@ class TrackerNode(ManagedNode):
         self._mismatches.recheck(again=self.state == ACTIVE)
         if self._worker is not None and self.state == ACTIVE:
             self._tracker_diagnostics.report(self._worker)
+            self._keypoints.report()
             self._camera_diagnostics.report(self._worker, self._parameters_of_node.cameras)
 
 

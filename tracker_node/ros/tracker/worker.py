@@ -13,10 +13,11 @@ from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
 from ...runs.loop import StartRequest, TrackingLoop
 from ...runs.set_formation import SetFormation
-from ...tracking.config import TrackerConfig
+from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import Status, TrackEstimate
 from .command_thread import CommandThread
 from .image_inbox import ImageInbox, Received
+from .point_matching import PointMatching
 from .setup import (
     INACTIVE,
     PAUSED,
@@ -40,6 +41,7 @@ class TrackingWorker:
     initial_state : what is said of the body, together with that it is lost, when image sets fail before any was tracked.
     lossless : every image set is tracked, in order; otherwise only the newest two of those that wait, and the others are
         counted: one that came late is made up for, a tracker that is too slow does not fall behind.
+    points : of a detector, for the image sets; None: none are used.
 
     Attributes
     ----------
@@ -57,12 +59,13 @@ class TrackingWorker:
         *,
         initial_state: State,
         lossless: bool = False,
+        points: PointMatching | None = None,
         on_error: Callable[[str], None] = lambda text: None,
     ):
         self._inbox, self._setup, self._on_estimate = inbox, setup, on_estimate
         self._initial_state, self._lossless, self._on_error = initial_state, lossless, on_error
         self._thread = CommandThread(lambda: inbox.take(timeout_s=0.1), inbox.wake, self._handle, self._finish, self._on_end)
-        self._finishing = False
+        self._finishing, self._points, self._newest_ns = False, points, 0
         self._requests = StartRequests()
         self._loop = TrackingLoop(setup.tracker)
         self._not_yet: list[Received] = []
@@ -132,6 +135,8 @@ class TrackingWorker:
         def begin() -> None:
             if request.forgets_clock:
                 self.formation.reset()
+                if self._points is not None:
+                    self._points.restart()
             if request.forgets_state:
                 self.latest = None
             self._loop.begin(request)
@@ -235,6 +240,8 @@ class TrackingWorker:
             counts.problems[camera] = str(error)
             return None
         counts.problems.pop(camera, None)
+        if self._points is not None:
+            self._points.saw(image)
         return image
 
     def _track(self, sets: list[ImageSet]) -> None:
@@ -255,6 +262,11 @@ class TrackingWorker:
         if loop.tracker is None:  # a camera has been added since whose lens is not known
             self.counts.skipped += 1
             return
+        if self._points is not None and KEYPOINTS in self._setup.config.modalities:
+            if image_set.stamp_ns < self._newest_ns:
+                self._points.restart()
+            image_set = self._points.attached(image_set)
+        self._newest_ns = image_set.stamp_ns
         request, began = loop.request, time.perf_counter()
         try:
             estimate = self.latest = loop.step(image_set)

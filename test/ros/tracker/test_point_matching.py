@@ -1,0 +1,112 @@
+"""Points meet the image sets that they are of, by their stamps: in time, late, or counted by why they are not used."""
+
+import numpy as np
+import pytest
+
+from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.ros.tracker.point_matching import PointMatching
+from tracker_node.runs.points import DetectedPeople
+
+PERIOD_NS = 33_333_333
+PIXELS = np.zeros((4, 4, 3), np.uint8)
+
+
+class Bench:
+    """One camera, whose images are of multiples of the period."""
+
+    def __init__(self):
+        self.matching = PointMatching(1.0 / 30.0)
+
+    def put(self, *images: float) -> None:
+        for i in images:
+            self.matching.put("cam", DetectedPeople(round(i * PERIOD_NS), ()))
+
+    def track(self, i: float) -> int | None:
+        """Track the image set i; stamp of the points that are used, in periods."""
+        image = CameraImage("cam", round(i * PERIOD_NS), PIXELS)
+        self.matching.saw(image)
+        (image,) = self.matching.attached(ImageSet(image.stamp_ns, (image,))).images
+        if image.people is None:
+            return None
+        return round((image.stamp_ns if image.people_stamp_ns is None else image.people_stamp_ns) / PERIOD_NS)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        return {reason: n for reason, n in self.matching.counts().get("cam", {}).items() if n}
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_points_in_time_are_used_with_their_set(bench):
+    bench.put(5, 6)
+    assert [bench.track(i) for i in (4, 5, 6, 7)] == [None, 5, 6, None]
+    assert bench.counts == {"in time": 2}
+
+
+def test_late_points_are_used_with_the_next_set_once(bench):
+    assert [bench.track(i) for i in range(4)] == [None] * 4
+    bench.put(1)
+    assert [bench.track(i) for i in (4, 5)] == [1, None]
+    assert bench.counts == {"late": 1}
+
+
+def test_the_newest_late_points_win(bench):
+    for i in range(4):
+        bench.track(i)
+    bench.put(1, 2)
+    assert bench.track(4) == 2
+    assert bench.counts == {"late": 1, "superseded": 1}
+
+
+def test_points_of_an_image_that_was_lost_are_used(bench):
+    for i in (0, 1, 3):
+        bench.track(i)
+    bench.put(2)
+    assert bench.track(4) == 2
+
+
+@pytest.mark.parametrize("of", [1.0e6, -100.0, 45.0])
+def test_points_that_match_no_image_are_counted_and_named(bench, of):
+    for i in (40, 41, 50):
+        bench.track(i)
+    bench.put(of)
+    assert bench.track(51) is None
+    assert bench.counts == {"unmatched": 1}
+    assert "match no image" in bench.matching.problems()["cam"]
+    bench.put(52)
+    assert bench.track(52) == 52 and not bench.matching.problems()
+
+
+def test_points_that_are_a_second_late_are_too_old(bench):
+    for i in range(40):
+        bench.track(i)
+    bench.put(5)
+    assert bench.track(40) is None
+    assert bench.counts == {"too old": 1}
+
+
+def test_an_image_has_points_once(bench):
+    bench.put(5)
+    assert bench.track(5) == 5
+    bench.put(5)
+    assert bench.track(6) is None
+    assert bench.counts == {"in time": 1, "duplicate": 1}
+
+
+def test_points_ahead_of_all_images_do_not_pile_up(bench):
+    bench.put(*range(100, 120))
+    assert bench.counts == {"waiting": 8, "unmatched": 12}
+
+
+def test_after_a_jump_back_old_points_are_over(bench):
+    for i in range(90, 95):
+        bench.track(i)
+    bench.put(94)
+    bench.matching.restart()
+    assert bench.track(1) is None
+    bench.put(1)
+    assert bench.track(2) == 1
+    assert bench.counts == {"too old": 1, "late": 1}
