@@ -39,7 +39,7 @@ def test_executables_have_the_python_of_the_environment(workspace, option):
     assert done.returncode == 0, done.stdout + done.stderr
     (folder,) = install.rglob("lib/tracker_node")
     names = {path.name for path in folder.iterdir()}
-    assert {"tracker_node", "tracker", "camera_ingest", "recorder", "player", "pipeline", "rectify"} <= names
+    assert {"tracker_node", "tracker", "keypoints", "camera_ingest", "recorder", "player", "pipeline", "rectify"} <= names
     for name in sorted(names):
         done = subprocess.run([folder / name, "--help"], env=ros2_env.now(), capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr

@@ -16,7 +16,7 @@ from typing import NoReturn
 from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
 
-NODES = ("camera_ingest", "tracker", "recorder", "player", "pipeline", "rectify")
+NODES = ("camera_ingest", "keypoints", "tracker", "recorder", "player", "pipeline", "rectify")
 INTERRUPTED = 130  # as a shell has it
 
 
@@ -173,6 +173,10 @@ def _node(verb: str) -> int:
 
 def camera_ingest() -> int:
     return _node("camera_ingest")
+
+
+def keypoints() -> int:
+    return _node("keypoints")
 
 
 def tracker() -> int:

@@ -1,0 +1,110 @@
+"""``tracker_node keypoints``: the detector of people as a ROS node."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..arguments.cameras import add_topics_argument, with_topics
+
+if TYPE_CHECKING:
+    from ...observation.keypoints.blazepose import BlazePose
+
+SUMMARY = "find people and their points in the images of ROS cameras, for a tracker with the modality keypoints"
+EXAMPLE = "tracker_node keypoints --rig rig.yaml --rate 5"
+READY = "keypoints: ready"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--rig", required=True, metavar="FILE", help="rig.yaml: names of the cameras; lenses are not needed")
+    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
+    add_topics_argument(parser)
+    parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
+    parser.add_argument(
+        "--weights",
+        type=Path,
+        metavar="FILE",
+        help="of the network that finds points, such as pose_landmark_heavy.tflite (default: the full size, fetched once)",
+    )
+    parser.add_argument("--threads", type=_positive, default=1, metavar="N", help="of the networks (default: 1)")
+    parser.add_argument(
+        "--niceness", type=_niceness, default=10, metavar="N", help="0 to 19: how far others go first (default: 10)"
+    )
+    parser.add_argument(
+        "--rate", type=_rate, default=0.0, metavar="HZ", help="image sets a second at most (default: as many as possible)"
+    )
+    parser.add_argument(
+        "--tracker", default="tracker", metavar="NODE", help="node whose crops say where to search (default: tracker; '': none)"
+    )
+    parser.add_argument("--config", metavar="FILE", help="tracker parameters: how images are matched (default: built in)")
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if not 1 <= number <= 64:
+        raise argparse.ArgumentTypeError(f"expected 1 to 64, got {text}")
+    return number
+
+
+def _niceness(text: str) -> int:
+    number = int(text)
+    if not 0 <= number <= 19:
+        raise argparse.ArgumentTypeError(f"expected 0 to 19, got {text}")
+    return number
+
+
+def _rate(text: str) -> float:
+    number = float(text)
+    if not 0.0 <= number <= 1000.0:
+        raise argparse.ArgumentTypeError(f"expected 0 to 1000, got {text}")
+    return number
+
+
+def run(args: argparse.Namespace) -> int:
+    from ...errors import extra_module
+    from ...loaders.pose_weights import detector_name, pose_weights
+    from ...loaders.rig.rig_yaml import load_rig
+    from ...ros.executor import attach, ros_process, spin
+    from ...ros.keypoints.node import KeypointsNode, KeypointsOptions
+    from ...runs.config_file import load_config
+    from ...tracking.config import TrackerConfig
+
+    rig = load_rig(args.rig)
+    config = load_config(args.config) if args.config else TrackerConfig()
+    extra_module("ai_edge_litert", "keypoints")
+    files = pose_weights(args.weights)
+
+    def make() -> BlazePose:
+        from ...observation.keypoints.blazepose import BlazePose
+
+        return BlazePose(files, args.threads)
+
+    used = rig.subset(args.cameras) if args.cameras else rig
+    options = KeypointsOptions(
+        cameras={camera.name: camera.frame_id for camera in used},
+        make_detector=make,
+        name=detector_name(args.weights),
+        synchronizer=config.synchronizer,
+        tracker=args.tracker,
+        compressed=args.compressed,
+        rate_hz=args.rate,
+        niceness=args.niceness,
+    )
+    with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
+        node = KeypointsNode(options)
+        attach(node)
+        try:
+            spin(node, stop, node.worker.ready.is_set)
+            if node.fatal is None and not stop.is_set():
+                print(f"{READY}, {options.name}, {len(options.cameras)} cameras", flush=True)
+                spin(node, stop)
+            failure = node.fatal
+        finally:
+            node.close()
+            node.destroy_node()
+    if failure is not None:
+        first = (str(failure).splitlines() or [type(failure).__name__])[0]
+        print(f"tracker_node keypoints: error: the networks cannot be loaded: {first}", file=sys.stderr)
+    return 0 if failure is None else 2
