@@ -1,0 +1,122 @@
+"""People in the bag of a run: what was found is kept, and the states are made again from it bit for bit."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from helpers.cameras.person_clip import TrueDetector, make_person_clip, true_person
+from helpers.cameras.small_clip import Clip
+from helpers.sources.sample import sample_or_skip
+from helpers.sources.weights import weights_or_skip
+from tracker_node.cli.main import main
+from tracker_node.loaders.bag.message_types import KEYPOINTS, stamp_ns_of
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.observation.keypoints.crop import Crop
+from tracker_node.observation.keypoints.people import People
+from tracker_node.runs.config_file import load_config
+from tracker_node.runs.detection import DetectionOptions
+from tracker_node.runs.messages import people_of
+from tracker_node.runs.offline import OfflineRun, run_offline
+
+N_IMAGES = 5
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
+    return make_person_clip(tmp_path_factory.mktemp("clip") / "person", N_IMAGES)
+
+
+class NotAsked:
+    def detect(self, image: np.ndarray, expected: Sequence[Crop] = ()) -> People:
+        raise AssertionError("there are people in the bag")
+
+
+def tracked(clip: Clip, output: Path, **changes: Any) -> dict[str, Any]:
+    given = {
+        "rig": load_rig(clip.rig_file), "model": clip.model, "config": load_config(clip.config_file),
+        "initial_state": clip.states[0], "named_options": {"rig": str(clip.rig_file)},
+    }  # fmt: skip
+    return run_offline(OfflineRun(**{**given, **changes}), output)
+
+
+def again(clip: Clip, output: Path, run: Path, **changes: Any) -> dict[str, Any]:
+    return tracked(clip, output, bag=run / "bag", from_run=True, detection=DetectionOptions(make=NotAsked), **changes)
+
+
+@pytest.fixture(scope="module")
+def run(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Every second image set with points."""
+    output, detector = tmp_path_factory.mktemp("finished") / "run", TrueDetector(clip)
+    tracked(clip, output, detection=DetectionOptions(every_sets=2, make=lambda: detector))
+    return output
+
+
+def test_the_bag_holds_the_people_of_the_sets_used(clip: Clip, run: Path) -> None:
+    with BagReader(run / "bag") as reader:
+        found = [message for _, message in reader.decoded("/cam02/keypoints")]
+        assert set(reader.topics_of_type(KEYPOINTS)) == {f"/{name}/keypoints" for name in clip.rig.names}
+        states = [message for _, message in reader.decoded("/tracker/state")]
+    stamps = [stamp_ns_of(state.header.stamp) for state in states]
+    assert [stamp_ns_of(message.header.stamp) for message in found] == stamps[::2]
+    (person,) = people_of(found[1])
+    expected = true_person(clip, clip.rig["cam02"], 2)
+    assert person.pixels.tobytes() == expected.pixels.tobytes()
+    assert person.silhouette is not None and expected.silhouette is not None
+    assert np.array_equal(person.silhouette.probabilities, expected.silhouette.probabilities)
+    assert found[0].header.frame_id == clip.rig["cam02"].frame_id and found[0].camera == "cam02"
+
+
+def test_silhouettes_take_little_room(run: Path) -> None:
+    with BagReader(run / "bag") as reader:
+        raw = sum(m.persons[0].silhouette.data.size for _, m in reader.decoded("/cam01/keypoints"))
+    assert sum(path.stat().st_size for path in (run / "bag").iterdir()) < 500_000 + 0.1 * raw
+
+
+def test_the_same_states_from_the_bag_without_a_detector(clip: Clip, run: Path, tmp_path: Path) -> None:
+    summary = again(clip, tmp_path / "again", run)
+    assert not summary["errors"] and "detection" not in summary
+    assert (tmp_path / "again/states.csv").read_bytes() == (run / "states.csv").read_bytes()
+    again(clip, tmp_path / "third", tmp_path / "again")  # a run made again keeps them, too
+    assert (tmp_path / "third/states.csv").read_bytes() == (run / "states.csv").read_bytes()
+
+
+def test_points_matter(clip: Clip, run: Path, tmp_path: Path) -> None:
+    """Or the test before would say nothing."""
+    config = replace(load_config(clip.config_file), modalities=("region",))
+    tracked(clip, tmp_path / "contours", config=config)
+    assert (tmp_path / "contours/states.csv").read_bytes() != (run / "states.csv").read_bytes()
+
+
+def test_a_run_without_points_is_tracked_again_with_a_detector(clip: Clip, tmp_path: Path) -> None:
+    config = replace(load_config(clip.config_file), modalities=("region",))
+    tracked(clip, tmp_path / "contours", config=config)
+    with BagReader(tmp_path / "contours/bag") as reader:
+        assert not reader.topics_of_type(KEYPOINTS)
+    detector = TrueDetector(clip)
+    options = DetectionOptions(make=lambda: detector)
+    tracked(clip, tmp_path / "again", bag=tmp_path / "contours/bag", from_run=True, detection=options)
+    assert len(detector.asked) == 3 * N_IMAGES
+
+
+@pytest.mark.long
+def test_the_same_states_with_the_real_network(tmp_path: Path) -> None:
+    weights_or_skip()
+    sample_or_skip()
+    folder, options = tmp_path / "balancing", ["--end", "12", "--shrink", "2", "--quiet"]
+    assert main(["sample", "balancing", "--output", str(folder)]) == 0
+    (tmp_path / "points.yaml").write_text("modalities: [region, keypoints]\n")
+    files = ["--rig", "rig_refined.yaml", "--model", "person.yaml", "--initial-state", "initial_state.yaml"]
+    given = [word if word.startswith("--") else str(folder / word) for word in files]
+    given += ["--config", str(tmp_path / "points.yaml")]
+    assert main(["track", *given, *options, "--output", str(tmp_path / "run")]) == 0
+    bag = ["--from-run-bag", str(tmp_path / "run/bag")]
+    assert main(["track", *given, *bag, "--quiet", "--output", str(tmp_path / "again")]) == 0
+    assert (tmp_path / "again/states.csv").read_bytes() == (tmp_path / "run/states.csv").read_bytes()
+    with BagReader(tmp_path / "run/bag") as reader:
+        found = [len(message.persons) for name in reader.topics_of_type(KEYPOINTS) for _, message in reader.decoded(name)]
+    assert len(found) == 4 * 12 and sum(n == 1 for n in found) >= 44
