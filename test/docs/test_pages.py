@@ -159,6 +159,12 @@ def test_architecture_draws_the_layers_that_the_import_contract_holds(repository
     assert packages | modules == {name for layer in contracts[0]["layers"] for name in layer.split(" | ")}
 
 
+def test_every_page_begins_with_what_its_reader_wants(repository):
+    for page in (repository / "docs").glob("*.md"):
+        after_title = page.read_text().split("\n# ", 1)[-1] if page.name == "measured.md" else page.read_text()
+        assert after_title.split("\n\n", 1)[1].startswith("You want "), page.name
+
+
 def test_every_package_has_a_contract_of_its_inside(repository):
     contracts = tomllib.loads((repository / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     inside = {each["containers"][0] for each in contracts if each["name"] == f"Inside {each.get('containers', [''])[0][13:]}"}
