@@ -3,6 +3,7 @@ import pytest
 
 from tracker_node.calibration.body import (
     ScalingOptions,
+    error_of_lengths,
     model_stature,
     place_by_states,
     place_landmarks,
@@ -200,3 +201,11 @@ def test_a_real_person(shared_data):
     assert np.mean(errors[0]) < 0.022
     assert np.mean(errors) < 0.020
     assert np.max(np.mean(errors, axis=1)) < 0.030
+
+
+def test_lengths_are_as_wrong_as_left_and_right_differ():
+    even = {"left_thigh": 0.4, "right_thigh": 0.4, "left_shank": 0.42, "right_shank": 0.42, "trunk": 0.5}
+    assert error_of_lengths(even) < 0.006
+    uneven = {**even, "right_thigh": 0.43, "right_shank": 0.39}
+    assert error_of_lengths(uneven) == pytest.approx(0.0205, abs=1e-3)
+    assert error_of_lengths({"trunk": 0.5}) == pytest.approx(0.015)

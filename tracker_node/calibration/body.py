@@ -6,6 +6,7 @@ measured length is therefore weighed against the one that a person of this size 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +24,8 @@ from ..model.scaling import LinkScale, scaled_by_link, scaled_uniformly, with_la
 from .pose import PoseOptions, fit_state_to_landmarks
 
 SIDES = ("left", "right")
+_BESIDE_JOINTS = 0.02  # weight of a landmark that is no joint of a measured length
+_DETECTED_M, _DETECTED_WEIGHT = 0.015, 0.25  # error of a length between detected joints, and how many pairs it is worth
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,11 @@ _SIZE_SEGMENTS = ("trunk", "shoulders to head", "left_thigh", "right_thigh", "le
 
 @dataclass(frozen=True)
 class ScalingOptions:
-    """``joint_sigma_m``: systematic error of a measured length (0: it is exact); ``variation``: standard deviation of a
-    segment's length among people of one size, as a share; ``symmetric``: make left and right equal; ``stature_m``: if known."""
+    """``joint_sigma_m``: systematic error of a measured length (0: it is exact; None: as left and right differ); ``variation``:
+    standard deviation of a segment's length among people of one size, as a share; ``symmetric``: make left and right equal;
+    ``stature_m``: if known."""
 
-    joint_sigma_m: float = 0.015
+    joint_sigma_m: float | None = None
     variation: float = 0.05
     symmetric: bool = True
     stature_m: float | None = None
@@ -170,7 +174,7 @@ def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options
     fit = ScaledBody(
         scaled_by_link(model, scales), size, tuple(fits[segment.name] for segment in SEGMENTS if segment.name in fits)
     )
-    states = pose_trial(fit.model, markers)
+    states = pose_trial(fit.model, markers, weights=_of_joints(fit.model))
     scaled = place_landmarks(fit.model, states, [targets_of(fit.model, markers, row) for row in range(len(markers))], options)
     residuals = [
         np.mean(np.linalg.norm(_offsets(scaled, state, targets_of(scaled, markers, row)), axis=1))
@@ -197,7 +201,16 @@ def targets_of(model: ArticulatedModel, markers: MarkerTrajectories, row: int) -
     return {name: markers.positions_m[row, column] for name, column in columns.items() if markers.valid[row, column]}
 
 
-def pose_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: PoseOptions | None = None) -> list[State]:
+def _of_joints(model: ArticulatedModel) -> dict[str, float]:
+    """Weights of landmarks: others than joints of measured lengths are put where the trial has them, and are not to pull."""
+    joints = {name for segment in SEGMENTS for name in segment.start + segment.end if name.startswith(("left_", "right_"))}
+    return {name: 1.0 if name in joints else _BESIDE_JOINTS for name in model.landmark_names}
+
+
+def pose_trial(
+    model: ArticulatedModel, markers: MarkerTrajectories, options: PoseOptions | None = None,
+    weights: Mapping[str, float] | None = None,
+) -> list[State]:  # fmt: skip
     """Fit the body to every row of a trial, each from the row before.
 
     Parameters
@@ -205,6 +218,7 @@ def pose_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: Po
     model : the body.
     markers : trajectories, meters in the world.
     options : of the inverse kinematics.
+    weights : by landmark; None: all count alike.
 
     Returns
     -------
@@ -221,7 +235,7 @@ def pose_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: Po
             raise TrackerError(
                 f"row {row + 1}: expected at least 3 markers that are landmarks of '{model.name}', got {len(targets)}"
             )
-        states.append(fit_state_to_landmarks(model, targets, states[-1] if states else None, options=options).state)
+        states.append(fit_state_to_landmarks(model, targets, states[-1] if states else None, weights, options).state)
     return states
 
 
@@ -347,6 +361,7 @@ def _fit_lengths(
         raise TrackerError(
             f"the trial has no length to scale by; of these joints it must have two neighbors: {', '.join(joints)}"
         )
+    by_side = dict(measured)
     if options.symmetric:
         measured = {name: 0.5 * (length + measured.get(mirrored_name(name), length)) for name, length in measured.items()}
     reference = {segment.name: _length(neutral, segment) for segment in SEGMENTS if segment.name in measured}
@@ -358,11 +373,29 @@ def _fit_lengths(
         weight = {name: 0.5 if mirrored_name(name) in used and mirrored_name(name) != name else 1.0 for name in used}
         size = sum(weight[n] * measured[n] for n in used) / sum(weight[n] * reference[n] for n in used)
     fits = {}
+    sigma = options.joint_sigma_m if options.joint_sigma_m is not None else error_of_lengths(by_side)
     for name, length in measured.items():
         expected = size * reference[name]
-        gain = 1.0 / (1.0 + (options.joint_sigma_m / (options.variation * expected)) ** 2)
+        gain = 1.0 / (1.0 + (sigma / (options.variation * expected)) ** 2)
         fits[name] = SegmentFit(name, length, expected, gain * length + (1.0 - gain) * expected)
     return size, fits
+
+
+def error_of_lengths(lengths: Mapping[str, float]) -> float:
+    """Standard deviation of a measured length, by how far those of left and right differ.
+
+    Parameters
+    ----------
+    lengths : meters, by segment.
+
+    Returns
+    -------
+    Meters; that of detected joints where no segment has a twin.
+    """
+    pairs = [(length, lengths[mirrored_name(name)]) for name, length in lengths.items() if name.startswith("left_")
+             and mirrored_name(name) in lengths]  # fmt: skip
+    squares = sum(0.5 * (left - right) ** 2 for left, right in pairs)
+    return math.sqrt((_DETECTED_WEIGHT * _DETECTED_M**2 + squares) / (_DETECTED_WEIGHT + len(pairs)))
 
 
 def _link_scales(model: ArticulatedModel, size: float, fits: Mapping[str, SegmentFit]) -> dict[str, LinkScale]:

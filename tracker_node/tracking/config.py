@@ -163,13 +163,18 @@ class KeypointConfig:
 
     covariance_scale: float = parameter(1.0, "factor of the covariances that the detector states", "1", 0.0, 1e4)
     sigma_share: float = parameter(
-        0.012, "least standard deviation of a point, as a share of the person's size in the image", "1", 1e-4, 1.0
+        0.006, "least standard deviation of a point, as a share of the person's size in the image", "1", 1e-4, 1.0
     )
-    outlier_fraction: float = parameter(0.1, "share of points that are anywhere at all", "1", 1e-4, 0.99)
+    outlier_fraction: float = parameter(0.02, "fraction of the surest points that are anywhere at all", "1", 1e-4, 0.5)
     offset_scale: float = parameter(1.0, "factor of the spread of offsets between points and landmarks", "1", 1e-3, 100.0)
     wobble_m: float = parameter(0.02, "how far points move on the body with its pose, as a standard deviation", "m", 0.0, 1.0)
     least_offset_sigma_m: float = parameter(0.005, "the least that is believed of an offset", "m", 1e-5, 1.0)
     correlation_sets: float = parameter(10.0, "how many image sets in a row share one error of a point", "image sets", 1.0, 1e4)
+    surface_scale: float = parameter(
+        1.0, "factor of the spread of surfaces beside the body's shapes, which contours follow while points hold the joints", "1",
+        1e-3, 100.0,
+    )  # fmt: skip
+    surface_wobble_m: float = parameter(0.01, "how far surfaces move on the body with its pose", "m", 1e-4, 1.0)
     silhouette_share: float = parameter(
         0.5, "factor of the log odds of the detector's silhouettes, beside contours; 0: they are not used", "1", 0.0, 10.0
     )

@@ -86,7 +86,7 @@ def test_clocks_that_are_off_are_written_in_nanoseconds(monkeypatch, capsys, wri
 
 def test_defaults_of_the_commands():
     args = parsed(body)
-    assert (args.joint_sigma_mm, args.y_up, args.sets, args.output) == (15.0, True, 20, "person.yaml")
+    assert (args.joint_sigma_mm, args.y_up, args.sets, args.output) == (None, True, 20, "person.yaml")
     assert not parsed(body, "--z-up").y_up
     assert parsed(intrinsics, "--videos", "a.mp4", *BOARD).views == 80
     assert parsed(background, "--rig", "r.yaml").images == 25

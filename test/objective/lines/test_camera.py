@@ -24,7 +24,7 @@ def test_lines_lie_where_the_samples_that_are_seen_do_and_sums_are_overwritten()
     sums = tuple(np.full_like(a, 7.0) for a in CameraSums.empty(1).arrays)
     n = correspond_camera(
         view.packed, np.empty((0, 0), np.float32), drawing.classes, packed, bounds, Ts,
-        body.Ts_world_link, camera, N_SAMPLES, OUTWARD_PX, options, work, sums,
+        body.Ts_world_link, camera, N_SAMPLES, OUTWARD_PX, options, np.zeros((0, 4)), work, sums,
     )  # fmt: skip
 
     rows, pixels, info, _ = line_arrays(len(drawn_rows))

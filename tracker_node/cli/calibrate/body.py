@@ -30,9 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--joint-sigma-mm",
         type=float,
-        default=15.0,
         metavar="MM",
-        help="systematic error of the lengths between joints: about 15 for detected joints, 2 for markers (default: %(default)s)",
+        help="systematic error of the lengths between joints: about 15 for detected joints, 2 for markers (default: as left and"
+        " right differ)",
     )
     parser.add_argument("--asymmetric", action="store_true", help="keep differences between left and right")
     parser.add_argument(
@@ -69,11 +69,12 @@ def run(args: argparse.Namespace) -> int:
         return _fit_to_images(args)
     check(args.trc or args.stature, "--trc", "a TRC file, a stature with --stature, or a run with --from-run")
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
-    check(0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
+    check(args.joint_sigma_mm is None or 0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
     refuse_to_overwrite(args, args.output)
     model = load_model(args.model) if args.model else human_model()
-    options = ScalingOptions(args.joint_sigma_mm / 1000.0, symmetric=not args.asymmetric, stature_m=args.stature)
+    sigma_m = None if args.joint_sigma_mm is None else args.joint_sigma_mm / 1000.0
+    options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=args.stature)
     if not args.trc:
         scaled = scale_to_stature(model, args.stature)
     elif args.states:

@@ -9,6 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
+from ..articulated import ArticulatedModel
+from ..configuration import Configuration, State
+from .human import human_model
+
 
 @dataclass(frozen=True)
 class LandmarkPoint:
@@ -40,20 +46,38 @@ def _both_sides(rows: Mapping[str, LandmarkPoint]) -> dict[str, LandmarkPoint]:
     return found
 
 
+# Means and spreads over eight rendered people in clothes, both sides together, of a body of the default size; a point's place
+# relative to the joint's center of their skeletons (`benchmark/clothed/offsets.py`). Spreads are a quarter larger than measured.
 BLAZEPOSE: KeypointTable = {
-    "nose": LandmarkPoint("nose"),
-    "left_ear": LandmarkPoint("nose", (-0.10, 0.075, 0.01), (0.04, 0.04, 0.04)),
-    "right_ear": LandmarkPoint("nose", (-0.10, -0.075, 0.01), (0.04, 0.04, 0.04)),
+    "nose": LandmarkPoint("nose", (-0.025, 0.000, 0.009), (0.017, 0.018, 0.010)),
+    "left_ear": LandmarkPoint("nose", (-0.096, 0.052, 0.015), (0.010, 0.012, 0.010)),
+    "right_ear": LandmarkPoint("nose", (-0.096, -0.052, 0.015), (0.010, 0.012, 0.010)),
     **_both_sides(
         {
-            "shoulder": LandmarkPoint("shoulder"),
-            "elbow": LandmarkPoint("elbow"),
-            "wrist": LandmarkPoint("wrist"),
-            "hip": LandmarkPoint("hip"),
-            "knee": LandmarkPoint("knee"),
-            "ankle": LandmarkPoint("ankle"),
-            "heel": LandmarkPoint("heel"),
-            "foot_index": LandmarkPoint("big_toe", (0.0, 0.0, 0.0), (0.05, 0.05, 0.05)),
+            "shoulder": LandmarkPoint("shoulder", (0.007, -0.008, 0.013), (0.016, 0.012, 0.011)),
+            "elbow": LandmarkPoint("elbow", (0.004, -0.008, 0.004), (0.018, 0.010, 0.016)),
+            "wrist": LandmarkPoint("wrist", (0.002, -0.018, -0.022), (0.010, 0.011, 0.022)),
+            "hip": LandmarkPoint("hip", (0.036, -0.016, -0.034), (0.019, 0.018, 0.021)),
+            "knee": LandmarkPoint("knee", (-0.031, -0.006, -0.021), (0.016, 0.014, 0.029)),
+            "ankle": LandmarkPoint("ankle", (0.010, -0.001, 0.010), (0.011, 0.010, 0.010)),
+            "heel": LandmarkPoint("heel", (0.035, -0.009, -0.009), (0.015, 0.016, 0.010)),
+            "foot_index": LandmarkPoint("big_toe", (0.029, 0.038, -0.013), (0.018, 0.020, 0.020)),
         }
     ),
 }
+
+_SIZED_BY = (("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("left_hip", "left_shoulder"))
+
+
+def relative_size(model: ArticulatedModel) -> float:
+    """Size of a person's body in that of the default one, by trunk and leg; 1 of a body without these landmarks."""
+    if not {name for pair in _SIZED_BY for name in pair} <= set(model.landmark_names):
+        return 1.0
+    return _length(model) / _length(human_model())
+
+
+def _length(model: ArticulatedModel) -> float:
+    """Meters of trunk and leg, stretched."""
+    places = Configuration(model, State.neutral(model)).landmarks_world
+    rows = [[model.landmark_index(name) for name in pair] for pair in _SIZED_BY]
+    return float(sum(np.linalg.norm(places[one] - places[other]) for one, other in rows))

@@ -9,11 +9,12 @@ from ...render.contour.generators import world_spheres
 from ...render.contour.samples import collect_samples, keep_inside
 from ...render.occluders import drop_covered
 from .correspondence import draw_lines, fill_lower, linearize_lines
+from .surfaces import shift_means
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def correspond_camera(
-    view, cover, classes, shapes, bounds, Ts_shape, Ts_link, camera, n_samples, outward_px, options, slot, sums
+    view, cover, classes, shapes, bounds, Ts_shape, Ts_link, camera, n_samples, outward_px, options, surfaces, slot, sums
 ):  # fmt: skip
     """Draw the lines of the contours that one camera sees of a body, and sum them.
 
@@ -26,6 +27,7 @@ def correspond_camera(
     Ts_shape, Ts_link : (n_shapes, 4, 4), (n_links, 4, 4), to the world.
     camera, n_samples, outward_px : of `collect_samples`.
     options : (`N_OPTIONS`,) of `correspondence`.
+    surfaces : (n_shapes, 4) meters, see `surfaces.Surfaces`; of size zero: those of the shapes.
     slot : (rows, pixels, info, lines), which are filled.
     sums : (normal, gradient, stats) of `sum_camera`.
 
@@ -45,6 +47,8 @@ def correspond_camera(
         bgr, densities, room, silhouette, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options,
         lines,
     )  # fmt: skip
+    if surfaces.size:
+        shift_means(lines, info, n, Ts_link, camera, surfaces)
     sum_camera(lines, info, n, Ts_link, camera, options, sums)
     return n
 

@@ -26,6 +26,7 @@ from ..per_camera import bodies_seen, camera_constants, cameras_by_body, serial
 from . import correspondence as kernel
 from .camera import correspond_camera, sum_camera
 from .evidence import N_EVIDENCE, count_evidence, line_residuals
+from .surfaces import N_UNKNOWNS, Surfaces, SurfaceSums, sum_surfaces
 from .table import PRECISION, SHARP
 
 Offsets = Sequence[np.ndarray | None]
@@ -144,6 +145,9 @@ class CameraLines:
     camera: tuple[np.ndarray, ...]
 
 
+_OF_SHAPES = np.zeros((0, N_UNKNOWNS))
+
+
 class LineDrawer:
     """Draws the correspondence lines of a body in the images of one rig.
 
@@ -175,8 +179,9 @@ class LineDrawer:
         self._work = [kernel.line_arrays(most) for _ in rig]
 
     def draw(
-        self, views: Sequence[View | None], state: State, scale: float, model_sigma_px: float, offsets: Offsets | None = None
-    ) -> LineCorrespondences:
+        self, views: Sequence[View | None], state: State, scale: float, model_sigma_px: float, offsets: Offsets | None = None,
+        surfaces: Surfaces | None = None,
+    ) -> LineCorrespondences:  # fmt: skip
         """Draw the lines of the contours that are seen in ``state``.
 
         Parameters
@@ -186,6 +191,7 @@ class LineDrawer:
         scale : pixels from place to place on a line; at 1 and below contours are placed below the pixel.
         model_sigma_px : standard deviation of contours beyond what their lines say.
         offsets : where the body is when each camera exposes; None: where ``state`` says.
+        surfaces : where those of the parts are beside the shapes; None: they are the shapes' own.
 
         Returns
         -------
@@ -196,6 +202,7 @@ class LineDrawer:
         if scale > 1.0:
             n_samples = max(n_samples // 2, min(n_samples, _COARSE_SAMPLES))
         bodies, n_links = bodies_seen(self._model, state, offsets), len(self._model.chain.links)
+        means = _OF_SHAPES if surfaces is None else surfaces.means
         lines: list[CameraLines | None] = [None] * len(views)
         sums: list[CameraSums | None] = [None] * len(views)
 
@@ -204,13 +211,13 @@ class LineDrawer:
             assert view is not None
             n = correspond_camera(
                 view.packed, self._covers[i], self._classes, self._arrays.packed, self._arrays.bounds, bodies[i].Ts_world_shape,
-                bodies[i].Ts_world_link, self._cameras[i], n_samples, self._options.outward_px, packed, work, own.arrays,
+                bodies[i].Ts_world_link, self._cameras[i], n_samples, self._options.outward_px, packed, means, work, own.arrays,
             )  # fmt: skip
             _, _, info, drawn = work
             lines[i], sums[i] = CameraLines(drawn[:n].copy(), info[:n].copy(), self._cameras[i]), own
 
         self._map(run, [i for i, view in enumerate(views) if view is not None])
-        drawn_lines = _Drawn(self._model, tuple(lines), packed, tuple(offsets))
+        drawn_lines = _Drawn(self._model, tuple(lines), packed, tuple(offsets), surfaces)
         return LineCorrespondences(drawn_lines, LineSums(state, bodies, tuple(sums)))
 
 
@@ -231,6 +238,7 @@ class _Drawn:
     cameras: tuple[CameraLines | None, ...]
     packed: np.ndarray
     offsets: tuple[np.ndarray | None, ...]
+    surfaces: Surfaces | None = None
 
     @property
     def seeing(self) -> list[tuple[int, CameraLines]]:
@@ -300,7 +308,29 @@ class LinesAt:
             stats = self.stats(i)
             cost += float(stats[kernel.COST])
             count += int(stats[kernel.COUNT])
+        if self.surfaces is not None:
+            cost -= self.surfaces.cost
         return NormalEquations(H, g, cost, count)
+
+    @cached_property
+    def surfaces(self) -> SurfaceSums | None:
+        """What the lines say of the surfaces; None where these are taken as they are."""
+        return self._surfaces([i for i, _ in self._drawn.seeing])
+
+    def _surfaces(self, cameras: Sequence[int]) -> SurfaceSums | None:
+        drawn, model, options = self._drawn, self._drawn.model, self._drawn.packed
+        if drawn.surfaces is None:
+            return None
+        n = len(model.shapes)
+        table = np.zeros((n, N_UNKNOWNS, N_UNKNOWNS)), np.zeros((n, N_UNKNOWNS)), np.zeros((n, 6, N_UNKNOWNS))
+        for i in cameras:
+            own = drawn.cameras[i]
+            assert own is not None
+            sum_surfaces(
+                own.lines, own.info, len(own.lines), self.sums.bodies[i].Ts_world_link, own.camera, options[kernel.ROBUST] ** 2,
+                options[kernel.MODEL_VARIANCE], 1.0 / options[kernel.CORRELATION], *table,
+            )  # fmt: skip
+        return SurfaceSums(*table, drawn.surfaces.priors, model.shape_links)
 
     def _assemble(self, cameras: Sequence[int], H: np.ndarray, g: np.ndarray) -> None:
         """Add what the links say in these cameras, which see one and the same body."""
@@ -312,6 +342,10 @@ class LinesAt:
             assert found is not None
             normal += found.normal
             gradient += found.gradient
+        surfaces = self._surfaces(cameras)
+        if surfaces is not None:
+            normal -= surfaces.of_links(len(normal))
+            gradient -= surfaces.pulls(len(gradient))
         assemble(normal, gradient, chain.link_moved_by, body.twists, own_H, own_g)
         H += own_H
         g += own_g

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+_LEAST = 0.05  # cells^2: a map cannot tell a place more finely
 _REACH = 3  # cells around a point that have a say, on either side (as the network's own decoder does)
 
 
@@ -36,6 +37,7 @@ def read_heat_maps(logits, points, means, covariances, peaks):
         if total > 0.0:
             x, y = x / total, y / total
             means[k, 0], means[k, 1] = x, y
-            covariances[k, 0, 0], covariances[k, 1, 1] = xx / total - x * x, yy / total - y * y
+            covariances[k, 0, 0] = max(xx / total - x * x, 0.0) + _LEAST
+            covariances[k, 1, 1] = max(yy / total - y * y, 0.0) + _LEAST
             covariances[k, 0, 1] = xy / total - x * y
             covariances[k, 1, 0] = covariances[k, 0, 1]

@@ -9,12 +9,14 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...model.humans.keypoints import KeypointTable
+from ...model.humans.keypoints import KeypointTable, relative_size
 from ...objective.keypoints.correspondences import BodyPoints, KeypointCorrespondences, ObservedPoints, packed_cameras
 from ..config import KeypointConfig
 from ..modality import Images, Persons
 from ..motion.model import ExposureDelays
 from .offsets import PointOffsets
+
+_OUTLIERS_UNSURE = 0.4  # share of outliers among points whose score is nothing; measured on the clips of the offsets
 
 
 def points_of(model: ArticulatedModel, table: KeypointTable, offset_scale: float = 1.0) -> tuple[tuple[str, ...], BodyPoints]:
@@ -31,8 +33,9 @@ def points_of(model: ArticulatedModel, table: KeypointTable, offset_scale: float
     """
     names = tuple(name for name, point in table.items() if point.landmark in model.landmark_names)
     rows = [model.landmark_index(table[name].landmark) for name in names]
-    means = np.array([table[name].offset for name in names], dtype=np.float64).reshape(-1, 3)
-    sigmas = offset_scale * np.array([table[name].sigma for name in names], dtype=np.float64).reshape(-1, 3)
+    size = relative_size(model)
+    means = size * np.array([table[name].offset for name in names], dtype=np.float64).reshape(-1, 3)
+    sigmas = size * offset_scale * np.array([table[name].sigma for name in names], dtype=np.float64).reshape(-1, 3)
     covariances = sigmas[:, :, None] ** 2 * np.eye(3)
     return names, BodyPoints(model, model.landmark_links[rows], model.landmark_positions[rows], means, covariances)
 
@@ -102,7 +105,8 @@ class KeypointModality:
                 floor = (config.sigma_share * size) ** 2
                 pixels[:, i] = person.pixels[rows]
                 covariances[:, i] = config.covariance_scale * person.covariances[rows] + floor * np.eye(2)
-                outliers[:, i] = 1.0 - (1.0 - config.outlier_fraction) * person.scores[rows]
+                outliers[:, i] = config.outlier_fraction + _OUTLIERS_UNSURE * (1.0 - person.scores[rows])
+                outliers[person.scores[rows] <= 0.0, i] = 1.0
                 areas[i] = size * size
         outliers[~np.isfinite(pixels).all(axis=2)] = 1.0
         return ObservedPoints(np.nan_to_num(pixels), covariances, np.clip(outliers, 1e-4, 1.0), areas)

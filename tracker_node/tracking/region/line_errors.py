@@ -18,6 +18,7 @@ from ...objective.lines.spacing import add_crowding
 from ..config import RegionConfig
 from ..uncertainty.covariance import ImageEvidence
 
+_TRACE = 1e-6
 _LEAST_SHARE = 0.85  # of the least spread that weights go by; lines that seem to have less, of few cameras, agree by chance
 
 
@@ -53,7 +54,7 @@ class LineErrors:
         information = equations.H
         cameras, spread_px = lines.camera_equations(state), lines.at(state).spread_px
         found = lines.variance if spread_px is None else max(spread_px, self._least_px) ** 2
-        n_links = len(chain.links)
+        n_links, surfaces = len(chain.links), lines.at(state).surfaces
         normal, spread, shifts = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 2))
         for i, camera in enumerate(cameras):
             if camera is None:
@@ -61,8 +62,17 @@ class LineErrors:
             normal += camera.normal
             spread += self._crowding(lines, i, found)[:, None, None] * camera.normal
             shifts += camera.normal @ self._shift(i, body)
+        clothes = np.zeros_like(normal)
+        if surfaces is not None:  # they are unknown, and what is known of them has errors of its own
+            M, P = surfaces.covariances, surfaces.priors
+            of_all = np.einsum("lii->l", spread) / np.maximum(np.einsum("lii->l", normal), 1e-12)
+            lost, clothes = surfaces.of_links(n_links), surfaces.of_links(n_links, M @ P @ M)
+            # The same factor for all cameras, else what is taken off is not what is there; a trace is left of what cancels
+            spread = of_all[:, None, None] * ((1.0 + _TRACE) * normal - lost - clothes)
+            normal -= lost
         scatter, unused = np.empty_like(information), np.empty(chain.n_dof)
-        assemble(config.covariance_scale * spread, np.zeros((n_links, 6)), chain.link_moved_by, body.twists, scatter, unused)
+        errors = config.covariance_scale * spread + clothes
+        assemble(errors, np.zeros((n_links, 6)), chain.link_moved_by, body.twists, scatter, unused)
         moved = (chain.link_moved_by.T @ shifts.reshape(n_links, -1)).reshape(-1, 6, 2)
         whole = (moved * body.twists[:, :, None]).sum(axis=1)
         scatter += config.body_shift_px**2 * whole @ whole.T

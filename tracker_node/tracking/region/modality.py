@@ -16,10 +16,11 @@ from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, 
 from ...objective.per_camera import camera_constants
 from ...render.occluders import Occluders
 from ...render.shape_arrays import ShapeArrays
-from ..config import TrackerConfig
+from ..config import KEYPOINTS, TrackerConfig
 from ..modality import Images, Persons, cameras_in_turn
 from ..motion.model import ExposureDelays
 from .appearance import RegionAppearance
+from .surface import SurfaceFilter
 
 _BODY_PX = 300.0  # of a body whose lines are as long as stated; others have theirs with their size
 _LARGE_PX = 450.0  # of a body, above which contours are close within more than `region.inlier_px`
@@ -82,6 +83,7 @@ class RegionModality:
         self._drawer = LineDrawer(
             rig, model, self._arrays, self.appearance.classes, line_options(config), parallel, occluders.depths
         )
+        self._surfaces = SurfaceFilter(model, config.keypoints) if KEYPOINTS in config.modalities else None
         self._cameras = [camera_constants(camera) for camera in rig]
         self._delays: ExposureDelays | None = None
         self.n_learned = 0
@@ -91,6 +93,8 @@ class RegionModality:
         """Only the colors that the model states, and the images of the background, are known."""
         self.appearance.reset()
         self.n_learned, self._delays = 0, None
+        if self._surfaces is not None:
+            self._surfaces.reset()
 
     def lessons(self, known: bool) -> Sequence[int]:
         """Pixels around the body that are not learned as surroundings: the first pose given is rarely exact."""
@@ -132,7 +136,16 @@ class RegionModality:
         -------
         The lines of all cameras.
         """
-        return self._drawer.draw(self.views, state, detail.scale, detail.model_sigma_px, self._offsets(state))
+        surfaces = None if self._surfaces is None else self._surfaces.surfaces
+        return self._drawer.draw(self.views, state, detail.scale, detail.model_sigma_px, self._offsets(state), surfaces)
+
+    def _learn_surfaces(self, state: State, weights: np.ndarray | None) -> None:
+        """Follow where surfaces are beside the shapes, by lines about a state that has been found."""
+        if self._surfaces is not None and any(view is not None for view in self.views):
+            sums = self.correspond(state, LineDetail(1.0, self._config.model_sigma_px)).at(state).surfaces
+            assert sums is not None
+            trusted = np.ones(len(self._model.shapes), dtype=np.bool_) if weights is None else np.asarray(weights > 0.5)
+            self._surfaces.update(sums, trusted)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
         """Colors change slowly: in each image set some of the cameras learn. A camera that has joined learns all at once.
@@ -142,6 +155,7 @@ class RegionModality:
         images, state, weights : see `Modality.learn`.
         """
         region, known, offsets = self._config, self.appearance.known, self._offsets(state)
+        self._learn_surfaces(state, weights)
         joined = [None if knows else image for image, knows in zip(images, known, strict=True)]
         if any(image is not None for image in joined):
             self.appearance.learn(joined, state, offsets, 1.0, region.margin_px, weights)
