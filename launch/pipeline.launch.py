@@ -19,6 +19,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("recording", default_value="", description="recording.yaml; what follows goes before what it says"),
         *(argument(name, default_value="") for name in ("rig", "model", "initial_state", "occluders")),
         DeclareLaunchArgument("config", default_value="", description="parameters of the tracker"),
+        argument("keypoints", default_value="auto", choices=["auto", "on", "off"]),
         DeclareLaunchArgument("output", default_value="", description="folder of the run; its bag must not exist"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_pipeline)])
@@ -29,7 +30,8 @@ def _pipeline(context) -> list:
     arguments = [given["recording"]] if given["recording"] else []
     for name in FILES:
         arguments += [f"--{name.replace('_', '-')}", given[name]] if given[name] else []
-    # It starts and ends its three processes in the right order, which separate launch actions could not.
+    arguments += ["--keypoints", value_of(context, "keypoints")]
+    # It starts and ends its processes in the right order, which separate launch actions could not.
     pipeline = Node(package="tracker_node", executable="pipeline", arguments=arguments, output="screen", **BAG_CLOSED)
     end = RegisterEventHandler(OnProcessExit(target_action=pipeline, on_exit=[EmitEvent(event=Shutdown())]))
     return [pipeline, end]

@@ -46,6 +46,7 @@ _SHARED: dict[str, dict[str, Any]] = {
         "choices": SWITCH,
         "description": "track every image set in order, however long it takes",
     },
+    "keypoints": {"default_value": "false", "choices": SWITCH, "description": "find people and their points in the images"},
     "topics": {"default_value": "", "description": "'cam01=/front/image_raw cam02=...': image topics, before what rig.yaml says"},
     "name": {"default_value": "tracker", "description": "the tracker node's name; one for each of several trackers"},
     "frame_prefix": {"default_value": "", "description": "before link frames; one for each of several bodies"},

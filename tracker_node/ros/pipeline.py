@@ -1,4 +1,4 @@
-"""Ingest, tracker and recorder as processes of one command.
+"""Ingest, tracker, recorder, and a detector of people where it is asked for, as processes of one command.
 
 They are started from the receiving end, so nothing is sent before everybody listens, and ended from the sending end, so nothing
 that was sent is missed.
@@ -18,6 +18,7 @@ from pathlib import Path
 
 from tracker_msgs.msg import TrackedState
 
+from ..loaders.bag.message_types import KEYPOINTS
 from ..loaders.source_address import sources_for_child
 from ..runs.messages import CAMERA_INFO, IMAGE
 from ..runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, MARKER_ARRAY, MARKERS, Output, recorded
@@ -28,7 +29,7 @@ from .executor import ros_process, spin
 from .guarded_node import GuardedNode
 from .qos import RESULT
 
-RECORDER_READY = "recorder: ready"
+RECORDER_READY, DETECTOR_READY = "recorder: ready", "keypoints: ready"
 _READY_S = 900.0  # on the first start of all, inner loops are compiled
 _TELL_S = 10.0  # without a process being ready, after which that is said
 _END_S = 60.0  # a tracker may still have image sets to track, a recorder messages to write
@@ -51,6 +52,7 @@ class PipelineOptions:
     bag : folder to record to, or None.
     masks, overlays, masked_images, markers, images : record these too.
     recorder : further options of ``tracker_node recorder``.
+    detector : options of ``tracker_node keypoints``; None: it is not started.
     lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
     n_expected : image sets, for the progress; None if not known.
     ros_args : given to every process.
@@ -67,6 +69,7 @@ class PipelineOptions:
     markers: bool = False
     images: bool = False
     recorder: list[str] = field(default_factory=list)
+    detector: list[str] | None = None
     lossless: bool = True
     n_expected: int | None = None
     ros_args: list[str] = field(default_factory=list)
@@ -85,6 +88,8 @@ class PipelineOptions:
             topics.append(f"tracker/{MARKERS}:{MARKER_ARRAY}")
         for camera in self.cameras:
             topics.append(f"{camera}/camera_info:{CAMERA_INFO}")
+            if self.detector is not None:
+                topics.append(f"{camera}/keypoints:{KEYPOINTS}")
             if self.images:
                 topics.append(f"{camera}/image_raw:{IMAGE}")
             topics += [f"tracker/{camera}/{output.topic}:{output.type_name}" for output in of_cameras]
@@ -127,7 +132,7 @@ class Progress:
 
 
 class Pipeline:
-    """The three processes, and what is known of them; use `run_pipeline`."""
+    """The processes, and what is known of them; use `run_pipeline`."""
 
     def __init__(self, options: PipelineOptions, node: GuardedNode, stop: threading.Event):
         self._options, self._node, self._stop = options, node, stop
@@ -135,7 +140,7 @@ class Pipeline:
         self.progress = Progress()
         self._shown_s = 0.0
         self.interrupted = False
-        self._recorder_ready = threading.Event()
+        self._recorder_ready, self._detector_ready = threading.Event(), threading.Event()
         self._subscription = node.create_subscription(TrackedState, "tracker/state", self.progress.add, RESULT)
 
     def run(self) -> int:
@@ -161,11 +166,17 @@ class Pipeline:
         lossless = ["--lossless"] if options.lossless else []
         tracker = ["tracker", *options.body, *lossless, "--end-on-failure", "--wait-for", *listeners]
         self._children["tracker"] = Child([*tracker, *options.ros_args])
+        if options.detector is not None:
+            arguments = ["keypoints", *options.detector, *options.ros_args]
+            self._children["keypoints"] = Child(arguments, self._on_detector_line)
         if not self._wait_for("the tracker", lambda: self._subscription.get_publisher_count() > 0):
+            return False
+        if options.detector is not None and not self._wait_for("the detector of people", self._detector_ready.is_set):
             return False
         recorded = options.bag is not None
         pace = ["--as-fast-as-consumed", "--consumer", "tracker"] if options.lossless else []
-        waits = ["--wait-for-subscribers", str(1 + (recorded and options.images))]
+        n_subscribers = 1 + (recorded and options.images) + (options.detector is not None)
+        waits = ["--wait-for-subscribers", str(n_subscribers)]
         waits += ["--wait-for-info-subscribers", str(1 + recorded)]
         arguments = ["camera_ingest", *options.source, *pace, *waits]
         self._children["camera_ingest"] = Child(
@@ -182,6 +193,10 @@ class Pipeline:
             self._recorder_ready.set()
         else:
             self._say(line)
+
+    def _on_detector_line(self, line: str) -> None:
+        if line.startswith(DETECTOR_READY):
+            self._detector_ready.set()
 
     def _wait_for(self, what: str, ready: Callable[[], bool]) -> bool:
         began_s = time.monotonic()
@@ -224,10 +239,10 @@ class Pipeline:
         status = 0
         asked = self._stop.is_set()
         if asked:
-            self._interrupt("camera_ingest", "tracker")
+            self._interrupt("camera_ingest", "tracker", "keypoints")
             self._wait(_HURRY_S, lambda: self._ended("camera_ingest") and self._ended("tracker"))
             self._interrupt("recorder")  # by now nothing more comes, or nothing that could be waited for
-        for verb in ("camera_ingest", "tracker", "recorder"):
+        for verb in ("camera_ingest", "tracker", "keypoints", "recorder"):
             child = self._children.get(verb)
             if child is None:
                 continue

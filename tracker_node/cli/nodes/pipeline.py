@@ -1,10 +1,12 @@
-"""``tracker_node pipeline``: ingest, tracker and recorder in one command."""
+"""``tracker_node pipeline``: ingest, tracker, recorder and detector in one command."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..arguments.cameras import with_topics
 from ..arguments.recording import add_recording_argument, evaluation_of, fill_in
@@ -12,6 +14,9 @@ from ..arguments.runs import end_of_live_run, nothing_tracked, start_of_live_run
 from ..arguments.verbs import run_verb
 from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments
+
+if TYPE_CHECKING:
+    from ...tracking.config import TrackerConfig
 
 SUMMARY = "run camera_ingest, tracker and recorder together, from cameras to a bag, and evaluate if a recording.yaml says so"
 EXAMPLE = """tracker_node pipeline recording.yaml
@@ -45,6 +50,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="publish at the images' rate and track the newest; otherwise every image set is tracked, as fast as possible",
     )
+    parser.add_argument(
+        "--keypoints",
+        choices=("auto", "on", "off"),
+        default="auto",
+        help="find people and their points in the images; auto: where the modality keypoints is in use and the extra installed",
+    )
+    parser.add_argument("--keypoints-weights", type=Path, metavar="FILE", help="as --weights of tracker_node keypoints")
+    parser.add_argument("--keypoints-rate", type=float, metavar="HZ", help="as --rate of tracker_node keypoints")
     add_recording_argument(parser, BUILT_IN)
 
 
@@ -54,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     from ...ros.ingest.cameras import open_cameras
     from ...ros.pipeline import PipelineOptions, run_pipeline
     from ...runs.writer import run_of_bag, write_summary
+    from ...tracking.config import KEYPOINTS
 
     recording = fill_in(args, BUILT_IN)
     if args.bag is None and args.output is not None:
@@ -64,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     n_sets = opened.n_sets(args.loop)
     if args.cameras:
         rig = rig.subset(args.cameras)
-    _check_files(rig, args)
+    config = _checked_files(rig, args)
     if args.bag is None and any(getattr(args, name) for name in RECORDED):
         switches = ", ".join(f"--{name.replace('_', '-')}" for name in RECORDED)
         raise TrackerError(f"{switches} say what is recorded: give --bag or --output too")
@@ -81,6 +95,7 @@ def run(args: argparse.Namespace) -> int:
         masked_images=args.masked_images,
         markers=args.markers,
         images=args.images,
+        detector=_detector_options(args, list(opened.cameras), KEYPOINTS in config.modalities),
         recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
         lossless=not args.real_time,
         n_expected=n_sets,
@@ -106,21 +121,43 @@ def run(args: argparse.Namespace) -> int:
     return status or untracked
 
 
-def _check_files(rig, args: argparse.Namespace) -> None:
-    """Mistakes in files are said before anything is started."""
+def _checked_files(rig, args: argparse.Namespace) -> TrackerConfig:
+    """Mistakes in files are said before anything is started; parameters of the tracker."""
     from ...loaders.images.source import load_backgrounds
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
     from ...runs.config_file import load_config
+    from ...tracking.config import TrackerConfig
 
     model = load_model(args.model)
-    if args.config:
-        load_config(args.config)
+    config = load_config(args.config) if args.config else TrackerConfig()
     if args.initial_state:
         load_state(args.initial_state, model)
     if args.occluders:
         load_model(args.occluders)
     load_backgrounds(rig)
+    return config
+
+
+def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool) -> list[str] | None:
+    """Options of the node keypoints; None where it is not started, which is said where points are wanted."""
+    from ...errors import TrackerError, extra_module
+    from ...loaders.pose_weights import pose_weights
+
+    if args.keypoints == "off" or (args.keypoints == "auto" and not wanted):
+        return None
+    try:
+        extra_module("ai_edge_litert", "keypoints")
+        pose_weights(args.keypoints_weights)
+    except TrackerError as error:
+        if args.keypoints == "on":
+            raise
+        print(f"pipeline: without points of people: {error}", file=sys.stderr, flush=True)
+        return None
+    result = ["--rig", str(args.rig), "--cameras", *cameras]
+    for option, value in (("config", args.config), ("weights", args.keypoints_weights), ("rate", args.keypoints_rate)):
+        result += [] if value is None else [f"--{option}", str(value)]
+    return result
 
 
 def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:

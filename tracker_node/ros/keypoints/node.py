@@ -26,7 +26,7 @@ from .worker import DetectionWorker, Detector
 
 NICENESS = 10
 _CROPS_NS = 500_000_000  # between the stamps of crops and images; older crops say nothing
-_SILENT_S = 5.0  # without an image set
+_SILENT_S, _FIRST_S = 5.0, 30.0  # without an image set, and without the first one: cameras may be started after us
 _POINTS = QoSProfile(depth=10)  # reliable: late points are better than none
 
 
@@ -146,6 +146,8 @@ class KeypointsNode(GuardedNode):
             return ERROR, next(iter(self._sets.problems.values()))
         if worker.problem:
             return WARN, worker.problem
-        if now - self._formed_s > _SILENT_S:
+        if now - self._formed_s > (_SILENT_S if self._sets.formed else _FIRST_S):
             return WARN, "no image sets"
+        if not self._sets.formed:
+            return OK, "waiting for images"
         return (OK, "detecting") if self._listened_to() else (OK, "nobody listens: no image is searched")
