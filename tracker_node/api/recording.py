@@ -17,8 +17,8 @@ from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..runs.config_file import load_config
-from ..runs.detection import DetectionOptions
 from ..runs.image_sets import ImageSetStream, SourceStream
+from ..runs.people.detection import DetectionOptions
 from ..tracking.config import TrackerConfig
 
 

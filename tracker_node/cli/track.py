@@ -16,7 +16,7 @@ from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:
     from ..loaders.images.source import SourceOptions
-    from ..runs.detection import DetectionOptions
+    from ..runs.people.detection import DetectionOptions
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
 EXAMPLE = """tracker_node track --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
@@ -162,7 +162,7 @@ def _source_options(args: argparse.Namespace) -> SourceOptions:
 
 def _detection(args: argparse.Namespace) -> DetectionOptions:
     from ..errors import FileFormatError
-    from ..runs.detection import DetectionOptions
+    from ..runs.people.detection import DetectionOptions
 
     try:
         return DetectionOptions(args.keypoints_weights, args.keypoints_every)

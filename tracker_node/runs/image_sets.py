@@ -21,6 +21,8 @@ from ..loaders.images.source import ImageSource, SourceOptions, open_camera_sour
 from ..observation.image_set import CameraImage, ImageSet
 from ..tracking.config import SynchronizerConfig
 from .messages import CAMERA_INFO, lens_of
+from .people.bag import BagPoints
+from .points import with_people
 from .set_formation import SetFormation
 
 _ALWAYS_NAMED = ("received", "used")
@@ -132,13 +134,20 @@ class SourceStream(_MatchedStream):
 class BagStream(_MatchedStream):
     """Sets from the images of a bag, matched in the order in which they were recorded, as the live tracker got them.
 
+    Parameters
+    ----------
+    rig, config, reader : cameras; how images become sets; of the bag.
+    with_points : give each image the people that a message of the bag has found in it.
+
     Raises
     ------
     SourceError : the bag has no images of the rig's cameras.
     """
 
-    def __init__(self, rig: CameraRig, config: SynchronizerConfig, reader: BagReader):
+    def __init__(self, rig: CameraRig, config: SynchronizerConfig, reader: BagReader, with_points: bool = False):
         self._reader, self._topics = reader, topics_with_images(reader, rig)
+        self._points = BagPoints(reader) if with_points else None
+        self._without_points: set[str] = set()
         present = tuple(camera for camera in rig.names if camera in self._topics.values())
         super().__init__(rig, present, config)
         self.errors += [f"camera '{c}': no images in {reader.path}" for c in rig.names if c not in present]
@@ -157,8 +166,22 @@ class BagStream(_MatchedStream):
                 self.errors.append(f"{problem}; this camera is left out from here on")
                 self._formation.drop(image.camera, image.stamp_ns - 1)
             else:
-                yield from self._add(image)
+                yield from self._add(self._with_points(image))
         yield from self._finish()
+
+    def _with_points(self, image: CameraImage) -> CameraImage:
+        """The image with the people of the bag; a message that cannot be used is noted, once a camera."""
+        key = image.camera, image.stamp_ns
+        if self._points is None or key not in self._points:
+            return image
+        try:
+            detected = self._points.people(key)
+        except TrackerError as error:
+            if image.camera not in self._without_points:
+                self._without_points.add(image.camera)
+                self.errors.append(f"{error}; such points are left out")
+            return image
+        return with_people(image, detected)
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,11 @@ from ..tracking.config import KEYPOINTS, TrackerConfig, flatten
 from ..tracking.estimate import GRAY_LEVELS, PX, Status, TrackEstimate
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.observability import unobservable
-from .detection import DetectionOptions, PeopleDetection
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import run_stream
 from .load import run_info
 from .loop import TrackingLoop
+from .people.detection import DetectionOptions, PeopleDetection
 from .recorded_sets import RecordedRunStream
 from .writer import RunWriter, SmoothedWriter
 
@@ -133,7 +133,7 @@ def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, Im
     if run.from_run:
         return run_stream(run.rig, reader, run_info(reader.path), run.source_options)
     rig = rig_of_bag(run.rig, reader)
-    return rig, BagStream(rig, run.config.synchronizer, reader)
+    return rig, BagStream(rig, run.config.synchronizer, reader, with_points=KEYPOINTS in run.config.modalities)
 
 
 def _detection_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> PeopleDetection | None:

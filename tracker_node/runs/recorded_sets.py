@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from ..camera.rig import CameraRig
 from ..errors import SourceError
 from ..loaders.bag.images import only_topic
-from ..loaders.bag.message_types import KEYPOINTS, TRACKED_STATE, stamp_ns_of
-from ..loaders.bag.reader import BagMessage, BagReader
+from ..loaders.bag.message_types import TRACKED_STATE, stamp_ns_of
+from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
 from .image_sets import ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
 from .load import state_messages
 from .messages import CAMERA_INFO
-from .points import detected_people, with_people
+from .people.bag import BagPoints
+from .points import with_people
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ class RecordedRunStream(ImageSetStream):
         self._needed = Counter(key for recorded in self.sets for key in recorded.images)
         self._read: Counter[str] = Counter()
         self._used: Counter[str] = Counter()
-        self._points = _recorded_points(reader, self.sets)
+        with_points = {key for recorded in self.sets for key in recorded.points}
+        self._points = BagPoints(reader, with_points) if with_points else None
         self.incomplete_sets = 0
         if reader.recovered:
             self.errors.append(f"bag {reader.path} is unfinished: {reader.problem}")
@@ -88,7 +90,7 @@ class RecordedRunStream(ImageSetStream):
         while waiting:
             recorded = waiting[-1]
             missing = [key for key in recorded.images if key not in images]
-            lacking = [key for key in recorded.points if key not in self._points]
+            lacking = [key for key in recorded.points if self._points is None or key not in self._points]
             if missing and not final and len(images) <= self.AHEAD * max(len(recorded.images), 1):
                 return
             waiting.pop()
@@ -105,8 +107,8 @@ class RecordedRunStream(ImageSetStream):
     def _with_points(self, image: CameraImage, recorded: RecordedSet) -> CameraImage:
         """The image with the people that were used with it; with none where none were."""
         for key in recorded.points:
-            if key[0] == image.camera and key in self._points:
-                return with_people(image, detected_people(self._reader.decode(self._points[key])))
+            if key[0] == image.camera and self._points is not None and key in self._points:
+                return with_people(image, self._points.people(key))
         return image
 
     def _note_incomplete(self, recorded: RecordedSet, missing: list[tuple[str, int]], lacking: list[tuple[str, int]]) -> None:
@@ -175,19 +177,6 @@ def recorded_set(message) -> RecordedSet:
     images = tuple((camera, ns) for camera, ns in pairs if ns or stamp_ns <= 0)
     used = zip(getattr(message, "keypoint_cameras", ()), getattr(message, "keypoint_stamps", ()), strict=True)
     return RecordedSet(stamp_ns, images, tuple((camera, stamp_ns_of(stamp)) for camera, stamp in used))
-
-
-def _recorded_points(reader: BagReader, sets: Iterable[RecordedSet]) -> dict[tuple[str, int], BagMessage]:
-    """The messages with the points that were used, the first of those of one image, as it was live."""
-    needed = {key for recorded in sets for key in recorded.points}
-    topics = reader.topics_of_type(KEYPOINTS) if needed else []
-    found: dict[tuple[str, int], BagMessage] = {}
-    for message in reader.messages(topics) if topics else ():
-        content = reader.decode(message)
-        key = str(content.camera), stamp_ns_of(content.header.stamp)
-        if key in needed:
-            found.setdefault(key, message)
-    return found
 
 
 def _stamps(source: ImageSource) -> set[int]:

@@ -18,8 +18,8 @@ from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People
 from tracker_node.runs.config_file import load_config
-from tracker_node.runs.detection import DetectionOptions, PeopleDetection
 from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.people.detection import DetectionOptions, PeopleDetection
 from tracker_node.tracking.config import TrackerConfig
 
 N_IMAGES = 6

@@ -15,16 +15,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..camera.rig import CameraRig
-from ..errors import FileFormatError, TrackerError, extra_module
-from ..loaders.pose_weights import detector_name, pose_weights
-from ..observation.image_set import CameraImage, ImageSet
-from ..observation.keypoints.blazepose import BlazePose, PointNetwork
-from ..observation.keypoints.checked import checked
-from ..observation.keypoints.crop import Crop
-from ..observation.keypoints.people import People
-from ..parallel import Workers
-from ..tracking.config import KEYPOINTS, TrackerConfig
+from ...camera.rig import CameraRig
+from ...errors import FileFormatError, TrackerError, extra_module
+from ...loaders.pose_weights import detector_name, pose_weights
+from ...observation.image_set import CameraImage, ImageSet
+from ...observation.keypoints.blazepose import BlazePose, PointNetwork
+from ...observation.keypoints.checked import checked
+from ...observation.keypoints.crop import Crop
+from ...observation.keypoints.people import People
+from ...parallel import Workers
+from ...tracking.config import KEYPOINTS, TrackerConfig
 
 _TRIAL = np.zeros((64, 64, 3), np.uint8)  # shows nobody
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,17 +14,20 @@ from helpers.cameras.small_clip import Clip
 from helpers.sources.sample import sample_or_skip
 from helpers.sources.weights import weights_or_skip
 from tracker_node.cli.main import main
-from tracker_node.loaders.bag.message_types import KEYPOINTS, stamp_ns_of
+from tracker_node.loaders.bag.message_types import KEYPOINTS, message_of, stamp_ns_of
 from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.rig.rig_yaml import load_rig
+from tracker_node.observation.image_set import CameraImage
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People
 from tracker_node.runs.config_file import load_config
-from tracker_node.runs.detection import DetectionOptions
-from tracker_node.runs.messages import people_of
+from tracker_node.runs.messages import IMAGE, image, keypoints, people_of
 from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.people.detection import DetectionOptions
 
 N_IMAGES = 5
+BASE_NS = 1_700_000_000_000_000_000
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +105,41 @@ def test_a_run_without_points_is_tracked_again_with_a_detector(clip: Clip, tmp_p
     options = DetectionOptions(make=lambda: detector)
     tracked(clip, tmp_path / "again", bag=tmp_path / "contours/bag", from_run=True, detection=options)
     assert len(detector.asked) == 3 * N_IMAGES
+
+
+def bag_of_images(clip: Clip, path: Path, broken: tuple[str, ...] = ()) -> Path:
+    """With the people in every second image, told a while after it; points are missing in messages of ``broken`` cameras."""
+    with BagWriter(path) as writer:
+        for number in range(N_IMAGES):
+            for camera in clip.rig:
+                stamp_ns = BASE_NS + number * 33_333_333
+                pixels = cv2.imread(str(clip.folder / camera.name / f"{number:04d}.png"))
+                writer.write_message(f"/{camera.name}/image_raw", stamp_ns, message_of(IMAGE, image(stamp_ns, "", pixels)))
+                if number % 2 == 0:
+                    found = CameraImage(camera.name, stamp_ns, pixels, people=(true_person(clip, camera, number),))
+                    message = message_of(KEYPOINTS, keypoints(found, camera.frame_id))
+                    if camera.name in broken:
+                        message.persons[0].u = np.zeros(3)
+                    writer.write_message(f"/{camera.name}/keypoints", stamp_ns + 100_000_000, message)
+    return path
+
+
+def test_people_in_a_bag_of_images_are_used_and_the_others_detected(clip: Clip, tmp_path: Path) -> None:
+    bag, detector = bag_of_images(clip, tmp_path / "images"), TrueDetector(clip)
+    options = DetectionOptions(make=lambda: detector)
+    summary = tracked(clip, tmp_path / "run", bag=bag, detection=options)
+    assert not summary["errors"] and summary["image_sets"] == N_IMAGES
+    assert {number for _, number, _ in detector.asked} == {1, 3} and len(detector.asked) == 2 * 3
+    with BagReader(tmp_path / "run/bag") as reader:
+        assert reader.topics["/cam01/keypoints"].message_count == N_IMAGES
+
+
+def test_points_that_contradict_themselves_are_left_out_and_told_once(clip: Clip, tmp_path: Path) -> None:
+    bag, detector = bag_of_images(clip, tmp_path / "images", broken=("cam02",)), TrueDetector(clip)
+    summary = tracked(clip, tmp_path / "run", bag=bag, detection=DetectionOptions(make=lambda: detector))
+    (error,) = summary["errors"]
+    assert "camera 'cam02': keypoints at" in error and "expected 33 numbers in u" in error and "are left out" in error
+    assert sorted(number for camera, number, _ in detector.asked if camera == "cam02") == list(range(N_IMAGES))
 
 
 @pytest.mark.long

@@ -1,0 +1,5 @@
+"""People in the images of offline runs: found by a detector before each step, or as a bag holds them.
+
+What a message says of people is in `runs.messages`, which of it a tracker uses in `runs.points`; detectors themselves are in
+`observation.keypoints`. Begin with `detection`.
+"""
