@@ -57,7 +57,7 @@ def test_without_a_still_the_unknown_is_marked():
 
 
 def test_sizes_must_agree():
-    with pytest.raises(ValueError, match="expected a still of shape"):
+    with pytest.raises(ValueError, match="alone of shape"):
         build_background(recording(3), np.zeros((H, W + 8, 3), np.uint8))
     with pytest.raises(ValueError, match="expected images of shape"):
         build_background(np.zeros((0, H, W, 3), np.uint8))

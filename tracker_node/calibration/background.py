@@ -1,8 +1,8 @@
-"""Background image of a static camera, from a recording in which somebody always stands somewhere, and a still.
+"""Background of a static camera, from a recording in which somebody always stands somewhere, and an image without anybody.
 
 A pixel of a static scene comes back to the same color whenever nobody stands before it. Where nearly all images of the
-recording agree, theirs is the color of the background, whatever the still shows; elsewhere, where somebody moves, it is the
-still's, brought to the recording's exposure.
+recording agree, theirs is the color of the background, whatever that image shows; elsewhere, where somebody moves, it is
+that image's, brought to the recording's exposure.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class BuildOptions:
     Parameters
     ----------
     tolerance : color levels (of 255) within which two images agree about a pixel.
-    min_fraction : fraction of the images that must agree for the recording to count rather than the still. Uniform clothes of
-        somebody who hardly moves agree in many images too: keep it high.
+    min_fraction : fraction of the images that must agree for the recording to count rather than the other image. Uniform clothes
+        of somebody who hardly moves agree in many images too: keep it high.
     min_width_px : what changes in a place narrower than this is noise, not somebody who moves.
     """
 
@@ -45,20 +45,20 @@ class Background:
     Parameters
     ----------
     image : (h, w, 3) uint8.
-    known : (h, w) bool, True where the recording itself shows the background; elsewhere the still is all there is.
+    known : (h, w) bool, True where the recording itself shows the background; elsewhere the image without anybody does.
     """
 
     image: np.ndarray
     known: np.ndarray
 
 
-def build_background(images: np.ndarray, still: np.ndarray | None = None, options: BuildOptions | None = None) -> Background:
+def build_background(images: np.ndarray, alone: np.ndarray | None = None, options: BuildOptions | None = None) -> Background:
     """Background of a static camera.
 
     Parameters
     ----------
     images : (n, h, w, 3) uint8, spread over the recording; 20 to 40 do.
-    still : (h, w, 3) uint8 of the same camera in the same place and the same pixels, or None.
+    alone : the background without anybody, (h, w, 3) uint8 of the same camera in the same place and the same pixels, or None.
     options : tolerances.
 
     Returns
@@ -72,13 +72,13 @@ def build_background(images: np.ndarray, still: np.ndarray | None = None, option
     options = options or BuildOptions()
     if images.ndim != 4 or len(images) == 0:
         raise ValueError(f"expected images of shape (n, h, w, 3), got {images.shape}")
-    if still is not None and still.shape != images.shape[1:]:
-        raise ValueError(f"expected a still of shape {images.shape[1:]}, got {still.shape}")
+    if alone is not None and alone.shape != images.shape[1:]:
+        raise ValueError(f"expected a background alone of shape {images.shape[1:]}, got {alone.shape}")
     median, fraction = _median_and_agreement(images, options.tolerance)
     known = ~_where_somebody_moves(fraction, options)
-    if still is None:
+    if alone is None:
         return Background(median, known)
-    matched = _exposed_like(still, median)
+    matched = _exposed_like(alone, median)
     return Background(np.where(known[..., None], median, np.round(matched).astype(np.uint8)), known)
 
 
@@ -106,8 +106,8 @@ def build_backgrounds(
         if camera.source is None:
             raise CalibrationError(camera.name, "has no source in the rig")
         images = spread_images(camera.source, n_images)
-        still = None if folder is None else _image_of(Path(folder), camera.name, images.shape[1:])
-        yield camera.name, build_background(images, still, options)
+        alone = None if folder is None else _image_of(Path(folder), camera.name, images.shape[1:])
+        yield camera.name, build_background(images, alone, options)
 
 
 def with_backgrounds(rig_file: RigFile, paths: Mapping[str, Path]) -> RigFile:
@@ -213,11 +213,11 @@ def _median_and_agreement(images: np.ndarray, tolerance: float) -> tuple[np.ndar
     return median, fraction
 
 
-def _exposed_like(still: np.ndarray, median: np.ndarray, n_rounds: int = 8) -> np.ndarray:
-    """The still (float32) with a gain and an offset per channel, fitted where it shows the same as the recording."""
-    result = np.empty(still.shape, dtype=np.float32)
-    for channel in range(still.shape[2]):
-        x = still[::4, ::4, channel].ravel().astype(np.float64)
+def _exposed_like(alone: np.ndarray, median: np.ndarray, n_rounds: int = 8) -> np.ndarray:
+    """The image (float32) with a gain and an offset per channel, fitted where it shows the same as the recording."""
+    result = np.empty(alone.shape, dtype=np.float32)
+    for channel in range(alone.shape[2]):
+        x = alone[::4, ::4, channel].ravel().astype(np.float64)
         y = median[::4, ::4, channel].ravel().astype(np.float64)
         inside = (x > 5) & (x < 250) & (y > 5) & (y < 250)
         gain, offset = 1.0, 0.0
@@ -227,5 +227,5 @@ def _exposed_like(still: np.ndarray, median: np.ndarray, n_rounds: int = 8) -> n
             if np.count_nonzero(keep) < 100 or np.ptp(x[keep]) < 10.0:
                 break
             gain, offset = np.polyfit(x[keep], y[keep], 1)
-        result[..., channel] = np.clip(gain * still[..., channel].astype(np.float32) + offset, 0.0, 255.0)
+        result[..., channel] = np.clip(gain * alone[..., channel].astype(np.float32) + offset, 0.0, 255.0)
     return result

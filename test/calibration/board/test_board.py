@@ -95,7 +95,7 @@ def test_all_cameras_are_searched_and_long_recordings_in_bursts(tmp_path):
     seen = detect_boards(sources, SMALL, 6, lambda *progress: told.append(progress))
     for found in seen.values():
         assert isinstance(found, CameraViews) and found.image_size == (640, 400)
-        assert 5 <= found.looked_at <= 8 and len(found.views) == found.looked_at
+        assert 5 <= found.n_searched <= 8 and len(found.views) == found.n_searched
         numbers = [view.image for view in found.views]
         assert numbers[:3] == [0, 1, 2] and np.diff(numbers).max() > 5
     assert [v.image for v in seen["cam1"].views] == [v.image for v in seen["cam2"].views]

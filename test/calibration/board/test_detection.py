@@ -36,8 +36,8 @@ def test_no_views_are_none():
     assert without_blur([]) == ([], 0)
 
 
-def seen(n_views, looked_at=10, backs=0):
-    return CameraViews((160, 120), tuple(view() for _ in range(n_views)), looked_at, backs=backs)
+def seen(n_views, n_searched=10, backs=0):
+    return CameraViews((160, 120), tuple(view() for _ in range(n_views)), n_searched, backs=backs)
 
 
 def test_cameras_without_the_board_are_left_out_with_the_reason():
@@ -103,19 +103,19 @@ def board_in(monkeypatch):
     return here
 
 
-def test_every_image_of_a_short_recording_is_looked_at(board_in):
+def test_every_image_of_a_short_recording_is_searched(board_in):
     board_in.front = {3, 5}
     told = []
     found = detect_boards({"a": Source(20)}, CHARUCO, most_images=20, progress=lambda *given: told.append(given))["a"]
-    assert board_in.looked == list(range(20)) and found.looked_at == 20 and found.image_size == (160, 120)
+    assert board_in.looked == list(range(20)) and found.n_searched == 20 and found.image_size == (160, 120)
     assert [v.stamp_ns for v in found.views] == [300_000_000, 500_000_000] and found.problems == ("cut off",)
     assert found.image[0, 0, 0] == 3 and found.blurred == 0 and found.backs == 0
     assert told == [("looking for the board", done, 20) for done in (10, 20, 20)]
 
 
-def test_of_a_long_recording_bursts_of_three_are_looked_at(board_in):
+def test_of_a_long_recording_bursts_of_three_are_searched(board_in):
     found = detect_boards({"a": Source(40)}, CHARUCO, most_images=12)["a"]
-    assert board_in.looked == [0, 1, 2, 10, 11, 12, 20, 21, 22, 30, 31, 32] and found.looked_at == 12
+    assert board_in.looked == [0, 1, 2, 10, 11, 12, 20, 21, 22, 30, 31, 32] and found.n_searched == 12
 
 
 def test_a_third_of_the_images_without_the_board_are_searched_for_its_back_until_it_was_seen(board_in):

@@ -1,10 +1,12 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.intrinsics import calibrate_lens
 from tracker_node.calibration.board.lens_parameters import lens_vector
@@ -13,12 +15,13 @@ from tracker_node.calibration.board.report import (
     camera_metrics,
     coverage_notes,
     covered,
+    late_cameras,
     pair_metrics,
     rig_tables,
     worst_views,
     write_rig_page,
 )
-from tracker_node.calibration.board.rig import calibrate_rig, first_camera_world
+from tracker_node.calibration.board.rig import calibrate_rig, first_camera_world, given_lenses, with_sources
 from tracker_node.calibration.board.views import BoardTimeStep, chosen, group_views, speeds, with_neighbors
 from tracker_node.calibration.tracked_body.rig_fit import world_of_most
 from tracker_node.camera.model import CameraModel
@@ -95,6 +98,7 @@ def test_clocks_and_stamps_that_are_off_are_found():
     for name, true_s in zip(rig.names, late_s, strict=True):
         assert abs(figures[name].clock_s - true_s) <= 3.0 * figures[name].clock_sigma_s < 0.012
     assert figures["cam2"].clock_is_off and figures["cam3"].clock_is_off and not figures["cam1"].clock_is_off
+    assert set(late_cameras(free)) == {"cam2", "cam3"} and late_cameras(free)["cam2"] == figures["cam2"].clock_s
     assert differences(free.rig, rig)[0] < 0.5 * differences(believed.rig, rig)[0]
     assert figures["cam2"].rms_px < 0.5 < 1.0 < camera_metrics(believed)["cam2"].rms_px
     assert 0.004 < figures["cam2"].jitter_s < 0.012
@@ -215,3 +219,19 @@ def test_corners_that_a_given_lens_cannot_show_are_left_out():
     lenses["cam2"] = CameraModel(1280, 800, rig["cam2"].model.K, "plumb_bob", np.array([-1.8, 0.0, 0.0, 0.0, 0.0]))
     found = calibrate_rig(CHARUCO, seen, BoardRigOptions(clocks="exact", free_lenses=False), lenses)
     assert any(name == "cam2" for name, _ in found.outliers)
+
+
+def test_given_lenses_are_of_the_recordings_size():
+    rig = circle_rig(2)
+    found = given_lenses(rig, {"cam02": SimpleNamespace(width=640, height=480, path="a.mp4")})
+    assert list(found) == ["cam02"]
+    np.testing.assert_allclose(found["cam02"].K, rig["cam02"].model.K)
+    for width, height in ((480, 640), (640, 481), (639, 480)):
+        with pytest.raises(CalibrationError, match="cam01"):
+            given_lenses(rig, {"cam01": SimpleNamespace(width=width, height=height, path="a.mp4")})
+
+
+def test_clocks_that_are_off_are_written_in_nanoseconds():
+    result = with_sources(circle_rig(2), {"cam01": "a.mp4", "cam02": None}, {"cam02": 0.0125})
+    assert [camera.time_offset_ns for camera in result] == [0, 12_500_000]
+    assert [camera.source for camera in result] == ["a.mp4", None]

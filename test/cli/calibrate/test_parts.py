@@ -1,17 +1,13 @@
-"""Parts of the calibrating commands: options in their units, lenses, clocks that are written, lines that are printed."""
+"""Parts of the calibrating commands: options in their units, lines that are printed."""
 
 import argparse
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.calibration.board import report as board_report
 from tracker_node.cli.calibrate import background, body, intrinsics
 from tracker_node.cli.calibrate import rig as rig_command
-from tracker_node.errors import CalibrationError, FileFormatError
-from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.errors import FileFormatError
 
 BOARD = ("--charuco", "4x5", "--square", "0.05")
 
@@ -53,35 +49,6 @@ def test_clocks_are_exact_for_folders_and_free_for_videos(tmp_path):
 def test_lenses_are_refined_unless_they_are_kept():
     assert rig_options("--lenses", "l.yaml").free_lenses
     assert not rig_options("--lenses", "l.yaml", "--keep-lenses").free_lenses
-
-
-def test_given_lenses_are_of_the_recordings_size(tmp_path):
-    rig = circle_rig(2)
-    write_rig_file(rig_file_of(rig), tmp_path / "lenses.yaml")
-    args = SimpleNamespace(lenses=str(tmp_path / "lenses.yaml"))
-    source = SimpleNamespace(width=640, height=480, path="a.mp4")
-    found = rig_command._lenses(args, {"cam02": source})
-    assert list(found) == ["cam02"]
-    np.testing.assert_allclose(found["cam02"].K, rig["cam02"].model.K)
-    for size in ((480, 640), (640, 481), (639, 480)):
-        with pytest.raises(CalibrationError, match="cam01"):
-            rig_command._lenses(args, {"cam01": SimpleNamespace(width=size[0], height=size[1], path="a.mp4")})
-    assert rig_command._lenses(SimpleNamespace(lenses=None), {}) is None
-
-
-@pytest.mark.parametrize(("write", "offsets"), [(True, [0, 12_500_000]), (False, [0, 0])])
-def test_clocks_that_are_off_are_written_in_nanoseconds(monkeypatch, capsys, write, offsets):
-    rig = circle_rig(2)
-    late = {
-        "cam01": SimpleNamespace(clock_s=0.02, clock_is_off=False),
-        "cam02": SimpleNamespace(clock_s=0.0125, clock_is_off=True),
-    }
-    monkeypatch.setattr(board_report, "camera_metrics", lambda found: late)
-    args = SimpleNamespace(write_clocks=write)
-    result = rig_command._with_sources(args, SimpleNamespace(rig=rig), {"cam01": "a.mp4", "cam02": None})
-    assert [camera.time_offset_ns for camera in result] == offsets
-    assert [camera.source for camera in result] == ["a.mp4", None]
-    assert capsys.readouterr().out == "cam02: its images are 12.5 ms later than they say, beside cam01\n"
 
 
 def test_defaults_of_the_commands():

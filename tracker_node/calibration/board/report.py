@@ -262,6 +262,11 @@ def camera_metrics(found: BoardRig) -> dict[str, CameraMetrics]:
     return result
 
 
+def late_cameras(found: BoardRig) -> dict[str, float]:
+    """Cameras whose clock is off -> by how many seconds their images are later than they say."""
+    return {name: each.clock_s for name, each in camera_metrics(found).items() if each.clock_is_off}
+
+
 def pair_metrics(found: BoardRig) -> dict[tuple[str, str], tuple[int, float]]:
     """(camera, camera) -> image sets with the board in both, and how well the two agree.
 

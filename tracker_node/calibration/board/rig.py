@@ -13,8 +13,9 @@ import numpy as np
 
 from ...camera.model import CameraModel
 from ...camera.rig import Camera, CameraRig
-from ...errors import TrackerError
+from ...errors import CalibrationError, TrackerError
 from ...geometry import se3
+from ...loaders.images.source import ImageSource, size_contradiction
 from .adjustment import BoardAdjustment, BoardState
 from .board import Board, BoardView
 from .intrinsics import calibrate_lens
@@ -125,6 +126,47 @@ def _time_steps(seen: Mapping[str, CameraViews], options: BoardRigOptions) -> li
     time_steps = group_views({name: found.views for name, found in seen.items()}, _tolerance_s(seen, options))
     _check_linked(list(seen), time_steps)
     return time_steps
+
+
+def given_lenses(rig: CameraRig, sources: Mapping[str, ImageSource]) -> dict[str, CameraModel]:
+    """Lenses of the cameras that have recordings, by name.
+
+    Parameters
+    ----------
+    rig : with their lenses.
+    sources : recordings by camera.
+
+    Returns
+    -------
+    Camera -> lens.
+
+    Raises
+    ------
+    TrackerError : a camera that the rig lacks, or a lens for images of another size.
+    """
+    lenses = {name: rig[name].model for name in sources}
+    for name, source in sources.items():
+        expected, size = (lenses[name].width, lenses[name].height), (source.width, source.height)
+        if expected != size:
+            raise CalibrationError(name, size_contradiction(expected, size, source.path))
+    return lenses
+
+
+def with_sources(rig: CameraRig, sources: Mapping[str, str | None], late_s: Mapping[str, float]) -> CameraRig:
+    """The rig with sources, and with time offsets of cameras whose clock is off.
+
+    Parameters
+    ----------
+    rig : of the cameras.
+    sources : camera -> source; None: it has none.
+    late_s : camera -> by how many seconds its images are later than they say; of the others 0.
+
+    Returns
+    -------
+    A copy.
+    """
+    cameras = (replace(c, source=sources[c.name], time_offset_ns=round(1e9 * late_s.get(c.name, 0.0))) for c in rig)
+    return replace(rig, cameras=tuple(cameras))
 
 
 def _check_linked(names: Sequence[str], time_steps: Sequence[BoardTimeStep]) -> None:

@@ -209,7 +209,7 @@ class CameraViews:
     ----------
     image_size : (width, height).
     views : in order of time.
-    looked_at, blurred : images searched, and views left out since they are blurred.
+    n_searched, blurred : images searched, and views left out since they are blurred.
     backs : images in which the board's mirrored back was seen; every third without the board is searched for it.
     problems : of the source, such as an end before the last announced image.
     image : one of the images with the board, (h, w, 3) BGR.
@@ -217,7 +217,7 @@ class CameraViews:
 
     image_size: tuple[int, int]
     views: tuple[BoardView, ...]
-    looked_at: int = 0
+    n_searched: int = 0
     blurred: int = 0
     problems: tuple[str, ...] = field(default=())
     image: np.ndarray | None = None
@@ -276,7 +276,7 @@ def with_board(seen: Mapping[str, CameraViews], board: Board, least: int) -> tup
     for name, found in seen.items():
         if not found.views:
             why = f"{_BACK} (in {found.backs} of those searched for it)" if found.backs else _advice(board)
-            left_out[name] = f"the board ({board}) is in none of its {found.looked_at} images: {why}"
+            left_out[name] = f"the board ({board}) is in none of its {found.n_searched} images: {why}"
     if len(seen) - len(left_out) < least:
         name = next(iter(left_out), next(iter(seen), ""))
         raise CalibrationError(name, left_out.get(name, f"{least} cameras are needed that see the board"))
@@ -293,21 +293,21 @@ def without_blur(views: list[BoardView]) -> tuple[list[BoardView], int]:
 
 
 def _detect(source: ImageSource, board: Board, every_s: float, counter: _Counter) -> CameraViews:
-    detector, views, looked_at, image, backs = BoardDetector(board), [], 0, None, 0
+    detector, views, n_searched, image, backs = BoardDetector(board), [], 0, None, 0
     for number, (stamp_ns, bgr) in enumerate(source):
         counter.add()
         if every_s and 1e-9 * (stamp_ns % round(1e9 * every_s)) >= BURST / source.rate_hz - 1e-6:
             continue
-        looked_at += 1
+        n_searched += 1
         view = detector.find(bgr, stamp_ns, number)
         if view is not None:
             views.append(view)
             image = bgr if image is None else image
-        elif looked_at % BURST == 1 or backs:
+        elif n_searched % BURST == 1 or backs:
             backs += detector.sees_back(bgr)
     sharp, blurred = without_blur(views)
     size = source.width, source.height
-    return CameraViews(size, tuple(sharp), looked_at, blurred, tuple(source.counts.problems), image, backs)
+    return CameraViews(size, tuple(sharp), n_searched, blurred, tuple(source.counts.problems), image, backs)
 
 
 def _burst_period_s(sources: Mapping[str, ImageSource], most_images: int) -> float:

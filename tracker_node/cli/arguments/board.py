@@ -154,7 +154,7 @@ def detect(
         print(f"tracker_node calibrate {args.what}: {name}: {problem}; this camera is left out", file=sys.stderr)
     for name, found in seen.items():
         corners = sum(len(view.ids) for view in found.views)
-        print(f"{name}: the board in {len(found.views)} of {found.looked_at} images, {corners} corners; {found.blurred} blurred")
+        print(f"{name}: the board in {len(found.views)} of {found.n_searched} images, {corners} corners; {found.blurred} blurred")
         for problem in found.problems:
             print(f"{name}: note: {problem}")
         if found.backs:

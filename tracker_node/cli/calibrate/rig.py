@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
-from ...errors import CalibrationError, FileFormatError
+from ...errors import FileFormatError
 from ...loaders.source_address import sources_by_name
 from ..arguments.board import add_board_arguments, board_of, detect, sources_of
 from ..arguments.cameras import add_sources_argument
@@ -39,6 +38,7 @@ def run(args: argparse.Namespace) -> int:
         camera_metrics,
         coverage_notes,
         format_table,
+        late_cameras,
         rig_images,
         rig_metrics,
         rig_tables,
@@ -46,8 +46,8 @@ def run(args: argparse.Namespace) -> int:
         write_images,
         write_rig_page,
     )
-    from ...calibration.board.rig import calibrate_rig, check_for_rig
-    from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file
+    from ...calibration.board.rig import calibrate_rig, check_for_rig, given_lenses, with_sources
+    from ...loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
     from ...report.metrics_file import write_metrics
     from ...report.progress import StageProgress
 
@@ -57,11 +57,16 @@ def run(args: argparse.Namespace) -> int:
     board, sources = board_of(args), sources_of(args, args.stamps)
     check_for_rig(board)
     tracked_later = sources_by_name(args.sources, sources)
-    options, lenses = _options(args), _lenses(args, sources)
+    options = _options(args)
+    lenses = given_lenses(load_rig(args.lenses), sources) if args.lenses else None
     seen, left_out = detect(args, sources, board, least=2)
     lenses = None if lenses is None else {name: lens for name, lens in lenses.items() if name in seen}
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
-    write_rig_file(rig_file_of(_with_sources(args, found, tracked_later)), args.output, base_dir=".")
+    late_s = late_cameras(found)
+    rig = with_sources(found.rig, tracked_later, late_s if args.write_clocks else {})
+    write_rig_file(rig_file_of(rig), args.output, base_dir=".")
+    for name, seconds in late_s.items():
+        print(f"{name}: its images are {1e3 * seconds:.1f} ms later than they say, beside {found.rig.names[0]}")
     write_rig_page(page, found, seen)
     write_metrics(metrics_file, rig_metrics(found))
     files = write_images(page.parent, found.rig.names, rig_images(found, seen))
@@ -98,31 +103,3 @@ def _options(args: argparse.Namespace):
         clocks = "exact" if still else "free"
     tolerance = None if args.tolerance_ms is None else 1e-3 * args.tolerance_ms
     return BoardRigOptions(args.distortion, not args.keep_lenses, clocks, 1e-3 * args.stamp_sigma_ms, tolerance, args.sets)
-
-
-def _lenses(args: argparse.Namespace, sources):
-    """Given lenses by camera name, compared with the recordings' sizes."""
-    if not args.lenses:
-        return None
-    from ...loaders.images.source import size_contradiction
-    from ...loaders.rig.rig_yaml import load_rig
-
-    rig = load_rig(args.lenses)
-    for name, source in sources.items():
-        lens, size = rig[name].model, (source.width, source.height)
-        if (lens.width, lens.height) != size:
-            raise CalibrationError(name, size_contradiction((lens.width, lens.height), size, source.path))
-    return {name: rig[name].model for name in sources}
-
-
-def _with_sources(args: argparse.Namespace, found, sources: dict[str, str | None]):
-    from ...calibration.board.report import camera_metrics
-
-    metrics, cameras = camera_metrics(found), []
-    for camera in found.rig:
-        late = metrics[camera.name]
-        offset_ns = round(1e9 * late.clock_s) if args.write_clocks and late.clock_is_off else 0
-        cameras.append(replace(camera, source=sources[camera.name], time_offset_ns=offset_ns))
-        if late.clock_is_off:
-            print(f"{camera.name}: its images are {1e3 * late.clock_s:.1f} ms later than they say, beside {found.rig.names[0]}")
-    return replace(found.rig, cameras=tuple(cameras))
