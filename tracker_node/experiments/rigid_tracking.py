@@ -31,7 +31,7 @@ PAPER_EVALUATIONS_PER_VARIABLE = 20
 NEAR_MM = 5.0  # a fit that ends so near to the true position has arrived
 
 
-class OptimizerResult(Protocol):
+class FitResult(Protocol):
     """What every optimizer returns: where it ended, and how many scores (or linearizations) it asked for."""
 
     @property
@@ -57,7 +57,7 @@ class TrackedSequence:
         return float(self.evaluations.mean()) / N_ROOT
 
 
-def track(show: Callable[[int], None], n_images: int, start: State, fit: Callable[[State], OptimizerResult]) -> TrackedSequence:
+def track(show: Callable[[int], None], n_images: int, start: State, fit: Callable[[State], FitResult]) -> TrackedSequence:
     """Track a sequence without extrapolation: each image set starts from the estimate of the one before.
 
     Parameters
@@ -71,14 +71,14 @@ def track(show: Callable[[int], None], n_images: int, start: State, fit: Callabl
     -------
     An estimate for each image set.
     """
-    found: list[OptimizerResult] = []
+    found: list[FitResult] = []
     for image in range(n_images):
         show(image)
         found.append(fit(found[-1].state if found else start))
     return _sequence(found)
 
 
-def fit_each(show: Callable[[int], None], starts: Sequence[State], fit: Callable[[State], OptimizerResult]) -> TrackedSequence:
+def fit_each(show: Callable[[int], None], starts: Sequence[State], fit: Callable[[State], FitResult]) -> TrackedSequence:
     """Fit every image set from a start of its own.
 
     Parameters
@@ -91,14 +91,14 @@ def fit_each(show: Callable[[int], None], starts: Sequence[State], fit: Callable
     -------
     An estimate for each image set.
     """
-    found: list[OptimizerResult] = []
+    found: list[FitResult] = []
     for image, start in enumerate(starts):
         show(image)
         found.append(fit(start))
     return _sequence(found)
 
 
-def _sequence(found: Sequence[OptimizerResult]) -> TrackedSequence:
+def _sequence(found: Sequence[FitResult]) -> TrackedSequence:
     return TrackedSequence(tuple(each.state for each in found), np.array([each.evaluations for each in found]))
 
 
@@ -237,7 +237,7 @@ def basin(changes: np.ndarray, scores: np.ndarray) -> tuple[float, float, float]
 
 
 def success_rate(
-    show: Callable[[int], None], truth: Sequence[State], fit: Callable[[State], OptimizerResult],
+    show: Callable[[int], None], truth: Sequence[State], fit: Callable[[State], FitResult],
     distance_mm: float, angle_deg: float, trials: int, seed: int = 0, near_mm: float = NEAR_MM,
 ) -> float:  # fmt: skip
     """Fraction of starts from which a fit ends near the truth.

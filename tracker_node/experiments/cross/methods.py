@@ -17,7 +17,7 @@ from ...observation.deinterlace import field_camera, first_line
 from ...optimize.alignment import AlignmentOptions, align
 from ...optimize.simplex import polish
 from ...optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
-from ..rigid_tracking import OptimizerResult, TrackedSequence, moved
+from ..rigid_tracking import FitResult, TrackedSequence, moved
 from .film import Footage
 from .scene import CrossScene
 from .throw import FIELD_PERIOD_S, LATE_CAMERA, CrossTrial
@@ -107,7 +107,7 @@ class _Fitter:
             objective.set_images(images)
             objective.velocity = velocity
 
-    def first(self, start: State) -> OptimizerResult:
+    def first(self, start: State) -> FitResult:
         """A fit from an extrapolation."""
         if self._method.fit == "alignment":
             return align(self._aligned, start, self._chain)
@@ -117,7 +117,7 @@ class _Fitter:
         polished = polish(self._score, stepped.state, self._chain, active=_RIGID)
         return replace(polished, evaluations=stepped.evaluations + polished.evaluations)
 
-    def again(self, start: State) -> OptimizerResult:
+    def again(self, start: State) -> FitResult:
         """A fit from an earlier one."""
         if self._method.fit == "alignment":
             return align(self._aligned, start, self._chain, AlignmentOptions(coarsest=1))

@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import CalibrationError
 from ...model.configuration import State, from_variables, to_variables
 from ...objective.color.score import ColorObjective
-from ..rigid_tracking import OptimizerResult, TrackedSequence
+from ..rigid_tracking import FitResult, TrackedSequence
 
 Show = Callable[[int, np.ndarray | None], None]
 """Hands image set i, and the body's velocity (n_dof,) per second where it is known, to the objective."""
@@ -21,7 +21,7 @@ _NEAR = 4  # steps to either side of the lowest score through which the parabola
 
 
 def track_video(
-    show: Show, n_images: int, start: State, fit: Callable[[State], OptimizerResult], period_s: float,
+    show: Show, n_images: int, start: State, fit: Callable[[State], FitResult], period_s: float,
     done: Callable[[int], None] = lambda image: None,
 ) -> TrackedSequence:  # fmt: skip
     """Track a video.
@@ -39,7 +39,7 @@ def track_video(
     -------
     An estimate for each image set.
     """
-    found: list[OptimizerResult] = []
+    found: list[FitResult] = []
     for image in range(n_images):
         states = [each.state for each in found[-2:]]
         show(image, states[1].difference(states[0]) / period_s if len(states) == 2 else None)
@@ -49,7 +49,7 @@ def track_video(
 
 
 def refine_video(
-    show: Show, states: Sequence[State], fit: Callable[[State], OptimizerResult], period_s: float,
+    show: Show, states: Sequence[State], fit: Callable[[State], FitResult], period_s: float,
     done: Callable[[int], None] = lambda image: None,
 ) -> TrackedSequence:  # fmt: skip
     """Fit every image set again from its own estimate, with the velocity from the estimates around it.
@@ -102,7 +102,7 @@ def velocities(states: Sequence[State], period_s: float) -> list[np.ndarray]:
     return result
 
 
-def _sequence(found: Sequence[OptimizerResult]) -> TrackedSequence:
+def _sequence(found: Sequence[FitResult]) -> TrackedSequence:
     return TrackedSequence(tuple(each.state for each in found), np.array([each.evaluations for each in found]))
 
 
