@@ -111,6 +111,19 @@ class Choice(Protocol):
         """Forget everything."""
         ...
 
+    def find(self, people: PeopleSeen) -> State | None:
+        """Where the body begins, without knowing where it is.
+
+        Parameters
+        ----------
+        people : whom a detector has found, by camera.
+
+        Returns
+        -------
+        None where nobody can be the body.
+        """
+        ...
+
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         """The body in each camera.
 
@@ -142,7 +155,7 @@ class Engine:
         self, modalities: Sequence[Modality], solver: Solver, judge: Judge, in_information_units: bool,
         choice: Choice | None = None,
     ):  # fmt: skip
-        self.modalities, self.solver, self.judge, self._choice = tuple(modalities), solver, judge, choice
+        self.modalities, self.solver, self.judge, self.choice = tuple(modalities), solver, judge, choice
         self.in_information_units = in_information_units
         self._weights: np.ndarray | None = None
 
@@ -152,8 +165,8 @@ class Engine:
             modality.reset()
         self.judge.reset()
         self.solver.reset()
-        if self._choice is not None:
-            self._choice.reset()
+        if self.choice is not None:
+            self.choice.reset()
         self._weights = None
 
     def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
@@ -200,9 +213,22 @@ class Engine:
         delays : when each camera exposes; None: all at one time.
         people : whom a detector has found, by camera; empty where none is used.
         """
-        persons = () if self._choice is None or expected is None else self._choice.choose(people, expected)
+        persons = () if self.choice is None or expected is None else self.choice.choose(people, expected)
         for modality in self.modalities:
             modality.set_images(images, expected, delays, persons)
+
+    def find(self, people: PeopleSeen) -> State | None:
+        """Where the body begins, by what a detector has found; None where that says nothing.
+
+        Parameters
+        ----------
+        people : see `observe`.
+
+        Returns
+        -------
+        See `Choice.find`.
+        """
+        return None if self.choice is None else self.choice.find(people)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit the body by the engine's solver.
@@ -315,6 +341,19 @@ class SequentialEngine:
         """
         self._images, self._delays, self._waiting = images, delays, expected is None
         self._first.observe(images, expected, delays)
+
+    def find(self, people: PeopleSeen) -> State | None:
+        """Colors do not look at people.
+
+        Parameters
+        ----------
+        people : see `Engine.observe`.
+
+        Returns
+        -------
+        None.
+        """
+        return None
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit by the first, then by the second.

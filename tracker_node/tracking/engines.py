@@ -20,6 +20,7 @@ from .keypoints.choice import PersonChoice
 from .keypoints.fitting import KeypointFitting
 from .keypoints.judge import KeypointJudge
 from .keypoints.modality import KeypointModality
+from .keypoints.start import PointStart
 from .limbs.judge import LimbJudge
 from .modality import Modality
 from .region.area import RegionArea
@@ -53,7 +54,8 @@ def make_engine(
     if not config.contours and KEYPOINTS in config.modalities:
         points = KeypointModality(rig, model, config.keypoints, BLAZEPOSE)
         judge = KeypointJudge(rig, model, config)
-        return Engine([points], KeypointFitting(model, config, points), judge, True, PersonChoice(rig, points))
+        by_points = KeypointFitting(model, config, points)
+        return Engine([points], by_points, judge, True, PersonChoice(rig, points, PointStart(rig, model, by_points)))
     if config.colors is None:
         return contour_engine(rig, model, config, backgrounds, workers, occluders)
     if config.colors == TEXTURE:
@@ -103,7 +105,9 @@ def contour_engine(
     modalities: list[Modality] = [region, *(each for each in (chamfer, points) if each is not None)]
     of_points = None if points is None else KeypointFitting(model, config, points)
     solver = Reacquisition(rig, model, config, limbs, fitting, area, of_points)
-    choice = None if points is None else PersonChoice(rig, points)
+    choice = None
+    if points is not None and of_points is not None:
+        choice = PersonChoice(rig, points, PointStart(rig, model, of_points))
     return Engine(modalities, solver, RegionJudge(rig, model, config, fitting, limbs), True, choice)
 
 

@@ -35,6 +35,7 @@ from .motion.model import ExposureDelays, MotionModel, Prediction
 from .self_check import SelfCheck, SelfCheckOptions
 from .uncertainty.covariance import ImageEvidence, fit_covariance
 
+_LOST_SETS = 2  # image sets in which a body was LOST, after which a detector's points say where it is
 _CLEARLY = 0.05  # share of its log-likelihood ratio by which another place has to be better than one that is not lost
 
 
@@ -197,7 +198,7 @@ class Tracker:
         is to look at the whole image.
         """
         prediction = self._track.motion.predict(stamp_ns)
-        if prediction is None and self._track.start is None:
+        if self._track.lost or (prediction is None and self._track.start is None):
             return [None] * len(self.rig)
         return crops_of(self.model, self.rig, self._expected(prediction))
 
@@ -205,6 +206,11 @@ class Tracker:
         """Estimate the state for one image set."""
         began = time.perf_counter()
         images = self._images(image_set)
+        if self._track.start is None or self._track.lost >= _LOST_SETS:
+            people = [None if image is None else image.people for image in map(image_set.get, self.rig.names)]
+            begin = self._track.engine.find(people)
+            if begin is not None:
+                self._restart(begin)
         if self._initializer is not None:
             found = self._reinitialized(self._initializer, images, image_set)
             if found is not None:

@@ -31,7 +31,7 @@ _CENTER, _TOP = N_POINTS, N_POINTS + 1  # two points more: the middle of the hip
 
 _DETECTOR_SIDE, _SIDE, _CELL = 224, 256, 4
 _STRIDES = ((8, 2), (16, 2), (32, 6))  # of the detector's cells, and anchors in each
-_LEAST_PERSON = 0.5  # probability of a detection
+_LEAST_PERSON = 0.3  # probability of a detection; of several people the smaller ones have no more
 _LEAST_PRESENCE = 0.5  # of a person in a crop
 _SAME_PERSON = 0.3  # overlap of two boxes (intersection over union) of one person
 _MARGIN = 1.25  # of the crop around the circle

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.configuration import State
-from ...model.humans.measures import mirrored_name
 from ...observation.keypoints.people import Person
 from ..modality import PeopleSeen, Persons
 from .modality import KeypointModality
+from .people_groups import mirrored
+from .start import PointStart
 
 _EXPECTED_M = 0.10  # how far from where they are expected points are, as a standard deviation
 _OUTLIER = 0.15  # share of points that are anywhere
@@ -27,15 +26,30 @@ class PersonChoice:
     ----------
     rig : cameras.
     modality : knows the points of the body.
+    start : finds where the body begins.
     """
 
-    def __init__(self, rig: CameraRig, modality: KeypointModality):
-        self._rig, self._modality = rig, modality
+    def __init__(self, rig: CameraRig, modality: KeypointModality, start: PointStart):
+        self._rig, self._modality, self._start = rig, modality, start
         self.reset()
 
     def reset(self) -> None:
         """Nothing is known of swaps."""
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
+
+    def find(self, people: PeopleSeen) -> State | None:
+        """Where the body begins.
+
+        Parameters
+        ----------
+        people : whom a detector has found, by camera.
+
+        Returns
+        -------
+        See `PointStart.find`.
+        """
+        self.reset()
+        return self._start.find(people)
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         """The body in each camera.
@@ -79,9 +93,3 @@ class PersonChoice:
         density = np.exp(-0.5 * square) / (2.0 * np.pi * np.sqrt(np.linalg.det(S)))
         ratio = np.log((1.0 - _OUTLIER) * density * area + _OUTLIER)
         return float((person.scores[rows] * np.where(seen, ratio, 0.0)).sum())
-
-
-def mirrored(person: Person) -> Person:
-    """The person with the points of left and right exchanged."""
-    rows = [person.names.index(mirrored_name(name)) for name in person.names]
-    return replace(person, pixels=person.pixels[rows], covariances=person.covariances[rows], scores=person.scores[rows])
