@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.typesys import get_types_from_msg
 
 from tracker_node.errors import CalibrationError
 from tracker_node.loaders.bag.message_types import KEYPOINTS, message_of, message_type, stamp_ns_of, typestore
@@ -80,6 +81,9 @@ def test_nodes_say_the_same_in_the_same_bytes() -> None:
 def test_the_definition_in_a_bag_has_its_units_and_its_parts() -> None:
     definition = message_type(KEYPOINTS).definition
     assert "center of the first one" in definition
+    assert "probability that the point is there, 0..1" in definition
+    types = get_types_from_msg(definition, KEYPOINTS)
+    assert {name for name in types if name.startswith("tracker_msgs")} == {KEYPOINTS, "tracker_msgs/msg/KeypointPerson"}
     assert "MSG: tracker_msgs/KeypointPerson" in definition and "MSG: sensor_msgs/Image" in definition
 
 

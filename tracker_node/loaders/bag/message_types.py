@@ -80,9 +80,9 @@ def message_type(type_name: str) -> MessageType:
     if type_name not in store.fielddefs:
         _register_installed(store, type_name)
     text, _ = store.generate_msgdef(type_name, ros_version=2)
-    if type_name in _OWN_DEFINITIONS:  # with its comments, which give the units
-        _, separator, parts = text.partition(_SEPARATOR)
-        text = _own_definition(type_name) + separator + parts
+    if type_name in _OWN_DEFINITIONS:  # with its comments, which give the units, and those of ours in it
+        _, *parts = text.split(_SEPARATOR)
+        text = _SEPARATOR.join([_own_definition(type_name), *map(_commented, parts)])
     return MessageType(type_name, text, store.hash_rihs01(type_name))
 
 
@@ -117,6 +117,13 @@ def _parsed(name: str, text: str) -> Typesdict:
 
 def _own_definition(type_name: str) -> str:
     return resources.files(__package__).joinpath(_OWN_DEFINITIONS[type_name]).read_text(encoding="utf-8")
+
+
+def _commented(part: str) -> str:
+    """Part of a definition that begins with ``MSG: package/Name``: of our types as their file has it."""
+    package, _, name = part.strip().partition("\n")[0].removeprefix("MSG: ").partition("/")
+    type_name = f"{package}/msg/{name}"
+    return f"\nMSG: {package}/{name}\n{_own_definition(type_name)}" if type_name in _OWN_DEFINITIONS else part
 
 
 def _register_installed(store: Typestore, type_name: str) -> None:
