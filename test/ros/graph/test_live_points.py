@@ -1,0 +1,81 @@
+"""A clothed person tracked with points of the real detector, process by process; the bag gives the same states again."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tracker_node.errors import TrackerError
+
+pytest.importorskip("rclpy", reason="ROS is not installed")
+pytest.importorskip("ai_edge_litert", reason="the extra keypoints is not installed")
+
+from benchmark.clothed._clip import write_clip
+from benchmark.clothed._staging import Sources, set_stage
+from benchmark.clothed.person._body import MANNEQUIN
+from benchmark.ros.points import clothed
+from tracker_node.cli.main import main
+from tracker_node.loaders.bag.message_types import stamp_ns_of
+from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.model.model_yaml import dump_model
+from tracker_node.loaders.model.state_yaml import dump_state
+from tracker_node.loaders.pose_weights import pose_weights
+
+pytestmark = pytest.mark.long
+N_IMAGES = 14
+
+
+@pytest.fixture(scope="module")
+def arguments(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Of commands that track the clip."""
+    try:
+        pose_weights()
+    except TrackerError as error:
+        pytest.skip(str(error))
+    folder = tmp_path_factory.mktemp("clothed")
+    write_clip(set_stage(1, Sources(folder, None, MANNEQUIN, "guard"), N_IMAGES), folder / "clip")
+    clip = clothed(folder / "clip")
+    dump_model(clip.model, folder / "person.yaml")
+    dump_state(clip.start, clip.model, folder / "start.yaml")
+    (folder / "config.yaml").write_text("modalities: [region, keypoints]\n")
+    files = {"rig": "clip/rig.yaml", "model": "person.yaml", "initial-state": "start.yaml", "config": "config.yaml"}
+    return [text for option, name in files.items() for text in (f"--{option}", str(folder / name))]
+
+
+def states_of(bag: Path) -> list:
+    with BagReader(bag) as reader:
+        return [message for _, message in reader.decoded("/tracker/state")]
+
+
+def used(state) -> list[tuple[str, int]]:
+    """Cameras whose points were used, and by how much they came late [ns]."""
+    stamps = map(stamp_ns_of, state.keypoint_stamps)
+    return [(camera, stamp_ns_of(state.header.stamp) - ns) for camera, ns in zip(state.keypoint_cameras, stamps, strict=True)]
+
+
+@pytest.mark.parametrize("pace", [[], ["--real-time"]])
+def test_a_live_run_with_points_is_made_again_bit_for_bit(arguments: list[str], tmp_path: Path, start, pace: list[str]) -> None:
+    arguments = [*arguments, *(["--rate", "2"] if pace else [])]
+    pipeline = start("pipeline", *arguments, "--bag", str(tmp_path / "live"), *pace)
+    assert pipeline.process.wait(240) == 0, pipeline.text
+    again = ["track", *arguments, "--from-run-bag", str(tmp_path / "live"), "--output", str(tmp_path / "again"), "--quiet"]
+    assert main(again) == 0
+    before, after = states_of(tmp_path / "live"), states_of(tmp_path / "again/bag")
+    assert len(before) == len(after) >= 3
+    for old, new in zip(before, after, strict=True):
+        for name in ("values", "velocities", "score", "residual", "camera_residuals"):
+            assert np.array(getattr(old, name)).tobytes() == np.array(getattr(new, name)).tobytes(), name
+        assert (old.status, old.status_reason, used(old)) == (new.status, new.status_reason, used(new))
+    late_ns = [late for state in before for _, late in used(state)]
+    assert len(late_ns) >= (1 if pace else 4) and max(late_ns) > 0
+    with BagReader(tmp_path / "live") as reader:
+        assert all(reader.topics[f"/cam0{i}/keypoints"].message_count >= 1 for i in (1, 2, 3, 4))
+
+
+def test_without_a_detector_the_pipeline_says_so_and_goes_on(arguments: list[str], tmp_path: Path, start, monkeypatch) -> None:
+    (tmp_path / "ai_edge_litert.py").write_text("raise ModuleNotFoundError(name='ai_edge_litert')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    pipeline = start("pipeline", *arguments, "--end", "3", "--bag", str(tmp_path / "live"))
+    assert pipeline.process.wait(240) in (0, 3), pipeline.text
+    assert "without points of people" in pipeline.text and "pip install 'tracker_node[keypoints]'" in pipeline.text
+    assert len(states_of(tmp_path / "live")) == 3
