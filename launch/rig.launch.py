@@ -5,12 +5,12 @@ ros2 launch tracker_node rig.launch.py rig:=rig.yaml model:=person.yaml ingest:=
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 
-from tracker_node.ros.launch_files import BAG_CLOSED, SWITCH, argument, included, value_of
+from tracker_node.ros.launch_files import BAG_CLOSED, SWITCH, argument, included
 
 SHARED = ("rig", "namespace", "use_sim_time")
 TRACKER = (
@@ -18,6 +18,7 @@ TRACKER = (
     *("name", "frame_prefix", "link_frames", "lossless"),
 )
 INGEST = (*SHARED, "rate", "shrink", "loop", "topics")
+DETECTOR = (*SHARED, "keypoints_rate", "weights", "topics", "name")
 RVIZ = (*SHARED, "layout", "name")
 
 
@@ -36,9 +37,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "compression", default_value="none", choices=["none", "lz4", "zstd"], description="of the bag's messages"
         ),
-        argument("keypoints"),
-        DeclareLaunchArgument("keypoints_rate", default_value="0", description="image sets a second with points at most; 0: all"),
-        argument("rviz"),
+        *map(argument, ("keypoints", "keypoints_rate", "weights", "rviz")),
         argument("layout"),
     ]
     recorder = Node(
@@ -56,26 +55,5 @@ def generate_launch_description() -> LaunchDescription:
         output="screen",
     )
     ingest, rviz = included("camera_ingest", INGEST, only_if="ingest"), included("rviz", RVIZ, only_if="rviz")
-    return LaunchDescription(
-        [*arguments, recorder, included("tracker", TRACKER), OpaqueFunction(function=_detector), ingest, rviz]
-    )
-
-
-def _detector(context) -> list:
-    """The detector of people, which crops around the body of the tracker beside it."""
-    if value_of(context, "keypoints") != "true":
-        return []
-    arguments = ["--rig", value_of(context, "rig"), "--tracker", value_of(context, "name")]
-    arguments += ["--rate", value_of(context, "keypoints_rate")]
-    arguments += ["--topics", *value_of(context, "topics").split()] if value_of(context, "topics") else []
-    return [
-        Node(
-            package="tracker_node",
-            executable="keypoints",
-            name="keypoints",
-            namespace=value_of(context, "namespace"),
-            arguments=arguments,
-            parameters=[{"use_sim_time": value_of(context, "use_sim_time") == "true"}],
-            output="screen",
-        )
-    ]
+    detector = included("keypoints", DETECTOR, only_if="keypoints")
+    return LaunchDescription([*arguments, recorder, included("tracker", TRACKER), detector, ingest, rviz])

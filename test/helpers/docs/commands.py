@@ -118,6 +118,8 @@ NOT_RUN = (
            "test/cli/reproduce/test_experiments.py"),
     NotRun(r"tracker_node track .*--config points.yaml", "fetches the weights of a network from the package index", verb_parses,
            "test/cli/test_track_keypoints.py"),
+    NotRun(r"tracker_node keypoints ", "fetches the weights of a network from the package index", verb_parses,
+           "test/ros/keypoints/test_process.py"),
     NotRun(r"python benchmark/ros/soak.py ", "an hour; two minutes of it are a test", program_parses, "test/faults/test_soak.py"),
     NotRun(r"python benchmark/(contour|trust)/\w+.py ", "an hour", program_parses, "test/benchmark/trust/test_lost_events.py"),
 )  # fmt: skip
