@@ -13,14 +13,21 @@ from tracker_node.loaders.rig.rig_yaml import load_rig
 CORE = ("rig", "rig_file", "model", "slides", "part", "config", "plain_config", "recording", "state", "urdf")
 OTHERS = ("opencv_yaml", "opencv_xml", "opencv_json", "mesh", "clicks", "control_points", "places", "stamps", "markers", "table")
 
+POINTS = (
+    "points_mmpose", "points_coco", "points_mediapipe", "points_mediapipe_csv", "points_deeplabcut", "points_deeplabcut_h5",
+    "points_sleap", "points_sleap_h5", "points_openpose", "keypoints",
+)  # fmt: skip
+
 
 @pytest.mark.parametrize(
     ("kinds", "count", "least_refused"),
     [
         (CORE, 50, 0.4),
         (OTHERS, 30, 0.3),
+        (POINTS, 30, 0.3),
         pytest.param(CORE, 450, 0.6, marks=pytest.mark.long),
         pytest.param(OTHERS, 250, 0.5, marks=pytest.mark.long),
+        pytest.param(POINTS, 450, 0.5, marks=pytest.mark.long),
     ],
 )
 def test_fuzzed_files_are_answered(kinds, count, least_refused, tmp_path):

@@ -15,9 +15,13 @@ from helpers.bodies.bodies import crane, gantry, tetrahedron
 from helpers.bodies.robot_text import ROBOT
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.fuzz.mutations import NEUTRAL_YAML, damage_bytes, damage_content, damage_numbers, damage_yaml, yaml_text
+from helpers.sources import point_files
 from tracker_node.camera.rig import CameraRig
 from tracker_node.loaders.images.stamps import load_stamp_file
-from tracker_node.loaders.model.mesh_file import read_mesh, write_mesh, write_picture
+from tracker_node.loaders.keypoints.camera_people import PointsByCamera
+from tracker_node.loaders.keypoints.formats import load_points
+from tracker_node.loaders.keypoints.table import dump_keypoint_table, load_keypoint_table
+from tracker_node.loaders.model.mesh_file import read_mesh, write_mesh, write_texture
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state, load_state
 from tracker_node.loaders.motion.opensim_table import dump_table, load_table
@@ -28,6 +32,8 @@ from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, rig_file_of, write_rig_file
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.keypoint_tables import COCO_17
 from tracker_node.runs.config_file import dump_config, load_config
 from tracker_node.tracking.config import TrackerConfig
 
@@ -69,6 +75,7 @@ TRC = (
     "PathFileType\t4\t(X/Y/Z)\tt.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n60\t60\t2\t2\tmm\n"
     "Frame#\tTime\tHip\t\t\tKnee\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n1\t0.0\t1\t2\t3\t4\t5\t6\n2\t0.1\t1\t2\t3\t4\t5\t6\n"
 )
+_BINARY = (".h5", ".zip")
 
 
 @dataclass(frozen=True)
@@ -94,7 +101,8 @@ class Kind:
     def case(self, rng: random.Random) -> tuple[bytes, bool]:
         """A file, and whether it says the same as the valid one."""
         if self.values is None:
-            return (damage_numbers if rng.random() < 0.5 else damage_bytes)(self.content, rng), False
+            numbers = rng.random() < 0.5 and self.suffix not in _BINARY
+            return (damage_numbers if numbers else damage_bytes)(self.content, rng), False
         way = rng.random()
         if way < 0.03:
             return rng.choice(NEUTRAL_YAML)(self.values), True
@@ -192,7 +200,7 @@ def core_kinds(folder: Path) -> list[Kind]:
     dump_model(slides, folder / "gantry.yaml")
     dump_state(State.neutral(model), model, folder / "state.yaml")
     dump_config(TrackerConfig(), folder / "config.yaml")
-    write_picture(np.zeros((2, 3, 3), np.uint8), folder / "a.png")
+    write_texture(np.zeros((2, 3, 3), np.uint8), folder / "a.png")
     plain = {"modalities": ["region", "chamfer"], "threads": 2, "chamfer": {"max_iterations": 5}, "region.scales": "6 3 1"}
     return [
         yaml_kind("rig", RIG.encode(), load_rig, _check_rig, _dump_rig),
@@ -218,6 +226,39 @@ def _opencv_kind(folder: Path, extension: str) -> Kind:
     return text_kind(
         f"opencv_{extension}", path.suffix, path.read_bytes(), lambda file: load_opencv([file]), _check_rig, dump_opencv
     )
+
+
+def _check_points(points: PointsByCamera) -> None:
+    """Finite, with covariances that are some."""
+    for camera in points.values():
+        people = camera.for_images(640, 480)
+        for image in people:
+            for person in people[image]:
+                assert finite(person) and (person.covariances[:, 0, 0] > 0.0).all() and 0.0 <= person.score <= 1.0
+                assert ((person.scores >= 0.0) & (person.scores <= 1.0)).all()
+
+
+def point_kinds(folder: Path) -> list[Kind]:
+    """Points in images, as other programs write them, and what they are on a body."""
+    images, parts = point_files.some_people(17, n_images=3, n_people=2), tuple(f"part{i}" for i in range(17))
+    write, individuals = point_files, ("mouse1", "mouse2")
+    paths = [
+        ("points_mmpose", write.write_mmpose_video(folder / "mmpose.json", images, parts)),
+        ("points_coco", write.write_coco(folder / "coco.json", images)),
+        ("points_mediapipe", write.write_mediapipe_json(folder / "mediapipe.json", point_files.some_people(33, 3, 1), 640, 480)),
+        ("points_mediapipe_csv", write.write_mediapipe_csv(folder / "mp.csv", point_files.some_people(33, 3, 1), 640, 480)),
+        ("points_deeplabcut", write.write_deeplabcut_csv(folder / "dlc.csv", images, parts, individuals)),
+        ("points_deeplabcut_h5", write.write_deeplabcut_h5(folder / "dlc.h5", images, parts, individuals)),
+        ("points_sleap", write.write_sleap_csv(folder / "sleap.csv", images, parts)),
+        ("points_sleap_h5", write.write_sleap_h5(folder / "sleap.h5", images, parts)),
+        ("points_openpose", write.write_openpose_zip(folder / "openpose.zip", images)),
+    ]
+    dump_keypoint_table(COCO_17, folder / "keypoints.yaml")
+    human, table = human_model(), (folder / "keypoints.yaml").read_bytes()
+    return [
+        *(text_kind(name, path.suffix, path.read_bytes(), load_points, _check_points) for name, path in paths),
+        yaml_kind("keypoints", table, lambda path: load_keypoint_table(path, human), _check_finite, dump_keypoint_table),
+    ]
 
 
 def other_kinds(folder: Path) -> list[Kind]:

@@ -100,9 +100,9 @@ def case(kind, seed: int, number: int) -> tuple[bytes, bool]:
 
 
 def kinds(folder: Path) -> dict:
-    from helpers.fuzz.kinds import core_kinds, other_kinds
+    from helpers.fuzz.kinds import core_kinds, other_kinds, point_kinds
 
-    return {kind.name: kind for kind in [*core_kinds(folder), *other_kinds(folder)]}
+    return {kind.name: kind for kind in [*core_kinds(folder), *other_kinds(folder), *point_kinds(folder)]}
 
 
 def child(folder: Path, seed: int, names: Sequence[str], first: int, count: int, memory_limit: int | None = MEMORY_LIMIT) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import mmap
 import pickle
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +17,7 @@ from ...errors import FileFormatError, extra_module
 from ..whole_file import MB, TABLE_BYTES, check_regular
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_HEAP, _HEAP_HEADER = b"GCOL\x01\0\0\0", 16  # of a collection of texts; of it and of each text in it
 _DAMAGED = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError, OverflowError, UnicodeError)
 
 
@@ -80,6 +83,9 @@ class Hdf5File:
         ------
         FileFormatError : it is missing, or holds something else.
         """
+        dataset = self._find(name)
+        if dataset is not None and dataset.dtype.kind == "O":
+            check_heaps(self.path)
         found = [each.decode("utf-8", "replace") if isinstance(each, bytes) else each for each in self.array(name).ravel()]
         if not all(isinstance(each, str) for each in found):
             raise FileFormatError(self.path, name, "names", found[:5])
@@ -136,6 +142,27 @@ class _PlainUnpickler(pickle.Unpickler):
 
     def persistent_load(self, pid: Any) -> Any:
         raise pickle.UnpicklingError("an object that lies elsewhere")
+
+
+def check_heaps(path: str | Path) -> None:
+    """Walk the collections of texts of any length: the library never comes to the end of one with an object without size.
+
+    Raises
+    ------
+    FileFormatError : an object that is shorter than its header, or reaches beyond its collection.
+    """
+    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        at = content.find(_HEAP)
+        while at >= 0:
+            end = at + int.from_bytes(content[at + 8 : at + 16], "little")
+            inside = at + _HEAP_HEADER
+            while inside + _HEAP_HEADER <= min(end, len(content)):
+                number, size = struct.unpack_from("<H6xQ", content, inside)
+                step = size if number == 0 else _HEAP_HEADER + -(-size // 8) * 8
+                if not _HEAP_HEADER <= step <= end - inside:
+                    raise FileFormatError(path, "(file)", "a sound HDF5 file", f"a text of {size} bytes in its heap at {inside}")
+                inside += step
+            at = content.find(_HEAP, at + 1)
 
 
 @contextmanager

@@ -1,0 +1,29 @@
+"""Files of points find their cameras by name or number."""
+
+import pytest
+
+from tracker_node.errors import UnknownNameError
+from tracker_node.loaders.keypoints.cameras import match_files
+
+CASES = [
+    (["cam01", "cam02"], ["cam01", "cam02"], [0, 1]),
+    (["cam01_json", "cam02_json", "cam01_video"], ["cam01", "cam02"], [0, 1]),
+    (["trial2_left", "trial2_right"], ["left", "right"], [0, 1]),
+    (["2019-08-02-vid01-camA", "2019-08-02-vid01-camB"], ["A", "B"], [0, 1]),
+    (["cam1", "cam2", "cam11"], ["cam_01", "cam_11"], [0, 2]),
+    (["whatever"], ["cam01"], [0]),
+    (["cam1_json", "other"], ["cam1", "cam2"], [0, None]),
+]
+
+
+@pytest.mark.parametrize(("keys", "cameras", "rows"), CASES)
+def test_files_of_cameras(keys, cameras, rows):
+    expected = {camera: keys[row] for camera, row in zip(cameras, rows, strict=True) if row is not None}
+    assert match_files(keys, cameras) == expected
+
+
+def test_none_belongs_to_a_camera():
+    with pytest.raises(UnknownNameError, match="'left, right'; valid: cam1, cam2"):
+        match_files(["cam1", "cam2"], ["left", "right"])
+    with pytest.raises(UnknownNameError):
+        match_files(["cam1", "x"], ["cam1", "cam_1"])  # both the same
