@@ -8,7 +8,7 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
-from ..model.humans.keypoints import BLAZEPOSE
+from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..parallel import Workers
 from ..render.occluders import Occluders
 from .chamfer.fitting import ChamferFitting
@@ -33,14 +33,16 @@ Backgrounds = Mapping[str, np.ndarray | list]
 
 
 def make_engine(
-    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, occluders: Occluders | None = None
-) -> AnyEngine:
+    rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, occluders: Occluders | None = None,
+    keypoints: KeypointTable = BLAZEPOSE,
+) -> AnyEngine:  # fmt: skip
     """The engine of the modalities in use; compiled code of others is not loaded.
 
     Parameters
     ----------
     rig, model, config, backgrounds : as for the `Tracker`.
     occluders : what stands before the body; None: nothing does.
+    keypoints : what a detector's points are on the body.
 
     Returns
     -------
@@ -52,12 +54,12 @@ def make_engine(
     """
     workers, occluders = Workers(config.threads), occluders or Occluders(None, rig)
     if not config.contours and KEYPOINTS in config.modalities:
-        points = KeypointModality(rig, model, config.keypoints, BLAZEPOSE)
+        points = KeypointModality(rig, model, config.keypoints, keypoints)
         judge = KeypointJudge(rig, model, config)
         by_points = KeypointFitting(model, config, points)
         return Engine([points], by_points, judge, True, PersonChoice(rig, points, PointStart(rig, model, by_points)))
     if config.colors is None:
-        return contour_engine(rig, model, config, backgrounds, workers, occluders)
+        return contour_engine(rig, model, config, backgrounds, workers, occluders, keypoints)
     if config.colors == TEXTURE:
         colors = _texture_engine(rig, model, config, workers)
     elif config.colors == COLOR_OVER_BACKGROUND:
@@ -66,7 +68,7 @@ def make_engine(
         colors = _color_engine(rig, model, config, workers)
     if not config.contours:
         return colors
-    contours = contour_engine(rig, model, config, backgrounds, workers, occluders)
+    contours = contour_engine(rig, model, config, backgrounds, workers, occluders, keypoints)
     if JOINT in config.tags:
         from .color.modality import ColorModality
 
@@ -78,7 +80,7 @@ def make_engine(
 
 def contour_engine(
     rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Backgrounds, workers: Workers,
-    occluders: Occluders | None = None,
+    occluders: Occluders | None = None, keypoints: KeypointTable = BLAZEPOSE,
 ) -> Engine:  # fmt: skip
     """The engine of regions, chamfer distances, or both.
 
@@ -87,6 +89,7 @@ def contour_engine(
     rig, model, config, backgrounds : as for the `Tracker`.
     workers : threads that share cameras or poses.
     occluders : what stands before the body; None: nothing does.
+    keypoints : what a detector's points are on the body.
 
     Returns
     -------
@@ -98,7 +101,7 @@ def contour_engine(
         judge = ChamferJudge(rig, config.chamfer, chamfer)
         return Engine([chamfer], ChamferFitting(model, config, chamfer), judge, True)
     region = RegionModality(rig, model, config, workers.map, occluders, backgrounds)
-    points = KeypointModality(rig, model, config.keypoints, BLAZEPOSE) if KEYPOINTS in config.modalities else None
+    points = KeypointModality(rig, model, config.keypoints, keypoints) if KEYPOINTS in config.modalities else None
     fitting = RegionFitting(model, config, region, None if chamfer is None else (chamfer, FINE), points)
     limbs = LimbJudge(model, config.status)
     area = RegionArea(rig, model, config, region, workers)

@@ -13,7 +13,7 @@ from ..camera.rig_unit import check_metres
 from ..errors import CalibrationError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.humans.keypoints import BLAZEPOSE
+from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..objective.constraints.prior import Prior
 from ..observation.image_set import ImageSet
 from ..observation.keypoints.crop import Crop
@@ -66,6 +66,7 @@ class Tracker:
     initial_state : where the body is in the first image set; None: it is detected in the images (`config.initialization`), unless
         `set_state` is called before.
     occluders : fixed things that may hide the body from a camera (root at the world's origin, joints neutral); contours only.
+    keypoints : what a detector's points are on the body; None: those of BlazePose on the human.
 
     Raises
     ------
@@ -82,14 +83,15 @@ class Tracker:
         backgrounds: Mapping[str, np.ndarray | list] | None = None,
         initial_state: State | None = None,
         occluders: ArticulatedModel | None = None,
+        keypoints: KeypointTable | None = None,
     ):
         check_metres(rig.cameras, body_size(model))
         self.rig, self.model = rig, model
         self.config = config = checked_combination(config or TrackerConfig(), "tracker config")
-        self._initial_state, backgrounds = initial_state, backgrounds or {}
+        self._initial_state, backgrounds, keypoints = initial_state, backgrounds or {}, keypoints or BLAZEPOSE
 
         def engine() -> AnyEngine:
-            return make_engine(rig, model, config, backgrounds, Occluders(occluders, rig))
+            return make_engine(rig, model, config, backgrounds, Occluders(occluders, rig), keypoints)
 
         self._track = _Track(engine(), MotionModel(model.chain, config.motion), None)
         self._initializer: Initializer | None = None
@@ -97,10 +99,10 @@ class Tracker:
             follower = replace(config, initialization=replace(config.initialization, enabled=False))
             self._initializer = Initializer(
                 rig, model, config.initialization, backgrounds, Workers(config.threads), engine,
-                lambda: Tracker(rig, model, follower, backgrounds, None, occluders),
+                lambda: Tracker(rig, model, follower, backgrounds, None, occluders, keypoints),
             )  # fmt: skip
         self._check = SelfCheck(rig, model, _check_options(config))
-        self._late = LatePoints(rig, model, BLAZEPOSE) if KEYPOINTS in config.modalities else None
+        self._late = LatePoints(rig, model, keypoints) if KEYPOINTS in config.modalities else None
         self._restart(initial_state)
 
     @property
