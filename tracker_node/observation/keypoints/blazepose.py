@@ -35,7 +35,7 @@ _LEAST_PERSON = 0.3  # probability of a detection; of several people the smaller
 _LEAST_PRESENCE = 0.5  # of a person in a crop
 _SAME_PERSON = 0.3  # overlap of two boxes (intersection over union) of one person
 _MARGIN = 1.25  # of the crop around the circle
-# Errors of the points in cells, of variance `_SPREAD` m S where the map's second moments are S, of mean m along an axis: a map that
+# Errors of the points in cells have the variance `_SPREAD` m S where the second moments of a map are S, of mean m: one that
 # is twice as wide is four times as wrong. Measured on eight rendered people in clothes (`benchmark/clothed/offsets.py`)
 _SPREAD = 0.156
 

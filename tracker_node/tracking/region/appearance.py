@@ -84,12 +84,14 @@ class RegionAppearance:
 
         Returns
         -------
-        None without an image or without colors to compare it with.
+        None without an image or without colors to compare it with; and for a camera in which the detector does not find the body
+        that others see: something else stands there, whose contours are not the body's.
         """
         found: list[View | None] = []
+        hidden = sum(person is not None for person in persons) >= 2
         for i, image in enumerate(images):
             colors, person = self._colors[i], persons[i] if persons else None
-            if image is None or not colors.knows:
+            if image is None or not colors.knows or (hidden and person is None):
                 found.append(None)
                 continue
             silhouette = packed(None if person is None else person.silhouette, image.shape[:2], self._odds)
