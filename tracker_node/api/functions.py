@@ -63,6 +63,7 @@ def _tracked(recording: Recording, output: Path, progress: Progress | None) -> R
         occluders=recording.occluders,
         source_options=recording.images,
         detection=recording.detection,
+        points=recording.points,
         masks=recording.masks,
         masked_images=recording.masked_images,
         named_options=recording.named_options(),

@@ -19,6 +19,7 @@ from ..model.configuration import State
 from ..runs.config_file import load_config
 from ..runs.image_sets import ImageSetStream, SourceStream
 from ..runs.people.detection import DetectionOptions
+from ..runs.people.recorded import PointFiles
 from ..tracking.config import TrackerConfig
 
 
@@ -35,6 +36,7 @@ class Recording:
     occluders : fixed things that may hide the body, in world axes.
     images : which images of the sources, at which rate and size.
     detection : how people are found in the images, where `keypoints` is among the modalities.
+    points : files with the points of another detector, in whose place; None: none.
     masks : record the body's silhouette in every camera, too.
     masked_images : record the images where the body is, the rest black, too.
     output : folder that ``recording.yaml`` names; None: none.
@@ -53,6 +55,7 @@ class Recording:
     occluders: ArticulatedModel | None = None
     images: SourceOptions = field(default_factory=SourceOptions)
     detection: DetectionOptions = field(default_factory=DetectionOptions)
+    points: PointFiles | None = None
     masks: bool = False
     masked_images: bool = False
     output: Path | None = None
@@ -82,6 +85,9 @@ class Recording:
             "base_stamp_ns": self.images.base_stamp_ns,
             "keypoints_weights": None if self.detection.weights is None else str(self.detection.weights),
             "keypoints_every": self.detection.every_sets,
+            "keypoints": None if self.points is None else str(self.points.path.resolve()),
+            "keypoints_table": None if self.points is None or self.points.table is None else str(self.points.table.resolve()),
+            "keypoints_first": 0 if self.points is None else self.points.first,
             "masks": self.masks,
             "masked_images": self.masked_images,
         }

@@ -17,6 +17,7 @@ from .nodes.camera_ingest import named_source
 if TYPE_CHECKING:
     from ..loaders.images.source import SourceOptions
     from ..runs.people.detection import DetectionOptions
+    from ..runs.people.recorded import PointFiles
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
 EXAMPLE = """tracker_node track --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
@@ -71,6 +72,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     points = parser.add_argument_group("points of people, where keypoints is among the modalities")
     points.add_argument(
+        "--keypoints", type=Path, metavar="PATH",
+        help="those of another detector: file or folder of OpenPose, MMPose, MediaPipe, DeepLabCut, SLEAP, or COCO results",
+    )  # fmt: skip
+    points.add_argument(
+        "--keypoints-table", type=Path, metavar="FILE",
+        help="keypoints.yaml: what they are on the body (default: built in, for detectors of people)",
+    )  # fmt: skip
+    points.add_argument(
+        "--keypoints-first", type=int, default=0, metavar="N", help="image of each source that their first image is (default: 0)"
+    )
+    points.add_argument(
         "--keypoints-weights", type=Path, metavar="FILE",
         help="weights of the network that finds points, such as pose_landmark_heavy.tflite (default: full, which is fetched)",
     )  # fmt: skip
@@ -118,6 +130,7 @@ def run(args: argparse.Namespace) -> int:
             max_sets=args.max_sets,
             smooth_s=_lag(args.smooth),
             detection=_detection(args),
+            points=_points(args),
             masks=args.masks,
             masked_images=args.masked_images,
             named_options=named_options(args),
@@ -158,6 +171,17 @@ def _source_options(args: argparse.Namespace) -> SourceOptions:
         )
     except ValueError as error:
         raise TrackerError(f"--start, --end, --rate, --resize, --shrink: {error}") from None
+
+
+def _points(args: argparse.Namespace) -> PointFiles | None:
+    from ..errors import FileFormatError
+    from ..runs.people.recorded import PointFiles
+
+    if args.keypoints is not None:
+        return PointFiles(args.keypoints, args.keypoints_table, args.keypoints_first)
+    if args.keypoints_table is not None:
+        raise FileFormatError("command line", "--keypoints-table", "--keypoints beside it", "none")
+    return None
 
 
 def _detection(args: argparse.Namespace) -> DetectionOptions:

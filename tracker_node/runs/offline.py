@@ -30,6 +30,7 @@ from .images import run_stream
 from .load import run_info
 from .loop import TrackingLoop
 from .people.detection import DetectionOptions, PeopleDetection
+from .people.recorded import PointFiles, RecordedPeople, open_recorded_people
 from .recorded_sets import RecordedRunStream
 from .writer import RunWriter, SmoothedWriter
 
@@ -50,6 +51,7 @@ class OfflineRun:
     max_sets : stop after so many sets.
     smooth_s : smooth the states with so many seconds of what came after them; infinite: with all of it; None: not at all.
     detection : how people are found, where `keypoints` is among the modalities.
+    points : files with the points of another detector, in whose place; None: none.
     masks, masked_images : record the model's silhouettes, and the images as seen through them.
     named_options : what the user gave, for ``run.json``.
     """
@@ -65,6 +67,7 @@ class OfflineRun:
     max_sets: int | None = None
     smooth_s: float | None = None
     detection: DetectionOptions = field(default_factory=DetectionOptions)
+    points: PointFiles | None = None
     masks: bool = False
     masked_images: bool = False
     named_options: dict[str, Any] = field(default_factory=dict)
@@ -96,13 +99,15 @@ def run_offline(
     with ExitStack() as stack:
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
         rig, stream = _stream_of(run, reader)
+        recorded = _recorded_of(run, rig, stream)
         for sentence in (*stream.errors, *stream.notes):
             tell(sentence)
         backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
-        tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders)
+        table = None if recorded is None else recorded.table
+        tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
-        detection = _detection_of(run, rig, reader)
+        detection = _detection_of(run, rig, reader) if recorded is None else recorded
         writer = stack.enter_context(
             RunWriter(
                 output, rig, run.model, masks=run.masks, masked_images=run.masked_images,
@@ -144,10 +149,24 @@ def _detection_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> 
     return PeopleDetection(rig, run.config, run.detection)
 
 
-def _detector_name(run: OfflineRun, detection: PeopleDetection | None) -> str | None:
+def _recorded_of(run: OfflineRun, rig: CameraRig, stream: ImageSetStream) -> RecordedPeople | None:
+    """The people in files; None where there are none."""
+    if run.points is None:
+        return None
+    if KEYPOINTS not in run.config.modalities:
+        using = ", ".join([*run.config.modalities, KEYPOINTS])
+        raise TrackerError(f"points in {run.points.path} take the modality keypoints: set modalities: [{using}]")
+    if not isinstance(stream, SourceStream):
+        raise TrackerError(f"points in {run.points.path} go by the numbers of images in the rig's sources, got those of a bag")
+    recorded = open_recorded_people(run.points, run.model, run.rig, rig, stream.image_numbers())
+    stream.notes += recorded.notes
+    return recorded
+
+
+def _detector_name(run: OfflineRun, detection: PeopleDetection | RecordedPeople | None) -> str | None:
     """Of what has found the people that the run uses; empty where that was in an earlier run, None where it uses none."""
     if detection is not None:
-        return run.detection.name
+        return detection.detector
     return "" if KEYPOINTS in run.config.modalities else None
 
 
@@ -207,7 +226,9 @@ def _track(
             return
 
 
-def _summary(run: OfflineRun, stream: ImageSetStream, record: _Record, detection: PeopleDetection | None) -> dict[str, Any]:
+def _summary(
+    run: OfflineRun, stream: ImageSetStream, record: _Record, detection: PeopleDetection | RecordedPeople | None
+) -> dict[str, Any]:
     summary: dict[str, Any] = {
         "image_sets": len(record.stamps_ns),
         "expected_image_sets": stream.n_expected,

@@ -142,6 +142,11 @@ class PeopleDetection:
         usable = tuple(checked(person) for person in people)
         return replace(image, people=usable), 1e3 * (time.perf_counter() - began)
 
+    @property
+    def detector(self) -> str:
+        """Name of what looks, for people."""
+        return self._options.name
+
     def summary(self) -> dict[str, Any]:
         """For ``run.json``: what has looked, and at how many images."""
         options, ms = self._options, float(np.mean(self.ms)) if self.ms else None
