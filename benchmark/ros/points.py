@@ -15,13 +15,14 @@ import sys
 import tempfile
 import threading
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from tracker_node.calibration.body import scale_to_trial, targets_of
 from tracker_node.calibration.pose import fit_state_to_landmarks
+from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.model.state_yaml import dump_state
@@ -80,10 +81,13 @@ def drawn(cache: Path) -> Path:
 
 
 def clothed(folder: Path) -> Clip:
-    """A clip of a clothed person, the body by its static trial, the start by its truth."""
+    """A clip of a clothed person, the body by its static trial, the start by its truth, with images of the background if any."""
     model = scale_to_trial(human_model(), load_trc(folder / "static.trc")).model
     start = fit_state_to_landmarks(model, targets_of(model, load_trc(folder / "truth.trc"), 0)).state
-    return Clip(folder, load_rig(folder / "rig.yaml"), model, start)
+    rig = load_rig(folder / "rig.yaml")
+    stills = {camera.name: folder / "stills" / f"{camera.name}.jpg" for camera in rig}
+    cameras = (replace(c, background=str(stills[c.name]) if stills[c.name].exists() else c.background) for c in rig)
+    return Clip(folder, CameraRig(tuple(cameras)), model, start)
 
 
 @dataclass

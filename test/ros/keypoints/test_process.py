@@ -1,6 +1,7 @@
 """The detector node as a process: what is missing is one line, and it ends soon, whatever it is doing."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,6 +73,8 @@ def test_it_finds_nobody_in_noise_and_ends_within_two_seconds_at_work(probe, lau
 
     probe.spin_until(came, "points of three images")
     assert not points[-1].persons
+    group = Path(f"/proc/{process.pid}/autogroup")  # of a session of its own, as here: others go first
+    assert not group.exists() or group.read_text().split()[-1] == "10"
     began_s = time.monotonic()
     process.interrupt()
     assert process.wait() == 0, process.err

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -21,6 +22,20 @@ from ...observation.keypoints.people import People
 from .newest_set import NewestSet
 
 _REMEMBERED = 50  # image sets that times are of
+
+
+def be_nice(niceness: int) -> None:
+    """Let others on this machine go before this thread, and before this process where it has a session of its own.
+
+    Linux shares processors among sessions first (`sched(7)`, autogroups), and niceness counts within one. The session of a
+    terminal is left as it is: the tracker may be in it.
+    """
+    with suppress(OSError, AttributeError):  # where a thread has no priority of its own
+        own = threading.get_native_id()
+        os.setpriority(os.PRIO_PROCESS, own, min(os.getpriority(os.PRIO_PROCESS, own) + niceness, 19))
+    with suppress(OSError):
+        if os.getsid(0) == os.getpid():
+            Path("/proc/self/autogroup").write_text(f"{niceness}\n")
 
 
 class Detector(Protocol):
@@ -101,9 +116,7 @@ class DetectionWorker:
     # In the thread
 
     def _run(self) -> None:
-        with suppress(OSError, AttributeError):  # where a thread has no priority of its own
-            own = threading.get_native_id()
-            os.setpriority(os.PRIO_PROCESS, own, min(os.getpriority(os.PRIO_PROCESS, own) + self._niceness, 19))
+        be_nice(self._niceness)
         try:
             detector = self._make()
         except Exception as error:
