@@ -18,6 +18,7 @@ from ..whole_file import MB, TABLE_BYTES, check_regular
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HEAP, _HEAP_HEADER = b"GCOL\x01\0\0\0", 16  # of a collection of texts; of it and of each text in it
+_MOST_TEXTS = 100_000
 _DAMAGED = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError, OverflowError, UnicodeError)
 
 
@@ -84,9 +85,9 @@ class Hdf5File:
         FileFormatError : it is missing, or holds something else.
         """
         dataset = self._find(name)
-        if dataset is not None and dataset.dtype.kind == "O":
-            check_heaps(self.path)
-        found = [each.decode("utf-8", "replace") if isinstance(each, bytes) else each for each in self.array(name).ravel()]
+        loose = dataset is not None and dataset.dtype.kind == "O"
+        cells = self._texts(dataset, name) if loose else self.array(name).ravel().tolist()
+        found = [each.decode("utf-8", "replace") if isinstance(each, bytes) else each for each in cells]
         if not all(isinstance(each, str) for each in found):
             raise FileFormatError(self.path, name, "names", found[:5])
         return tuple(str(each) for each in found)
@@ -114,6 +115,20 @@ class Hdf5File:
         except Exception as error:  # whatever damaged bytes lead to
             raise FileFormatError(self.path, f"{group}.{name}", "names in plain lists", str(error)) from None
 
+    def _texts(self, dataset: Any, name: str) -> list[bytes]:
+        """Texts of any length, each a reference into a heap; the library itself hangs or dies where these are damaged."""
+        at, n = dataset.id.get_offset(), int(dataset.size or 0)
+        if at is None or n > _MOST_TEXTS:
+            expected = f"at most {_MOST_TEXTS} names, not in chunks"
+            raise FileFormatError(self.path, name, expected, f"{n} names, chunks of {dataset.chunks}")
+        with open(self.path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            try:
+                cells = [struct.unpack_from("<IQI", content, at + 16 * i) for i in range(n)]
+                heaps = {address: _heap_texts(content, address) for address in {address for _, address, _ in cells}}
+                return [heaps[address][number][:length] for length, address, number in cells]
+            except (struct.error, KeyError, ValueError, OverflowError) as error:
+                raise FileFormatError(self.path, name, "names in a sound HDF5 file", str(error)) from None
+
     def _find(self, name: str) -> Any | None:
         """A dataset that lies in the file itself; None where there is none."""
         from h5py import Dataset, ExternalLink
@@ -134,6 +149,23 @@ class Hdf5File:
         return found
 
 
+def _heap_texts(content: mmap.mmap, address: int) -> dict[int, bytes]:
+    """Number -> text of a collection."""
+    if content[address : address + 8] != _HEAP:
+        raise ValueError(f"no collection of texts at {address}")
+    end = min(address + struct.unpack_from("<Q", content, address + 8)[0], len(content))
+    texts, inside = {}, address + _HEAP_HEADER
+    while inside + _HEAP_HEADER <= end:
+        number, size = struct.unpack_from("<H6xQ", content, inside)
+        if number == 0:  # the rest is free
+            break
+        if inside + _HEAP_HEADER + size > end:
+            raise ValueError(f"a text of {size} bytes at {inside}")
+        texts[number] = content[inside + _HEAP_HEADER : inside + _HEAP_HEADER + size]
+        inside += _HEAP_HEADER + -(-size // 8) * 8
+    return texts
+
+
 class _PlainUnpickler(pickle.Unpickler):
     """Of values that need no class."""
 
@@ -142,27 +174,6 @@ class _PlainUnpickler(pickle.Unpickler):
 
     def persistent_load(self, pid: Any) -> Any:
         raise pickle.UnpicklingError("an object that lies elsewhere")
-
-
-def check_heaps(path: str | Path) -> None:
-    """Walk the collections of texts of any length: the library never comes to the end of one with an object without size.
-
-    Raises
-    ------
-    FileFormatError : an object that is shorter than its header, or reaches beyond its collection.
-    """
-    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        at = content.find(_HEAP)
-        while at >= 0:
-            end = at + int.from_bytes(content[at + 8 : at + 16], "little")
-            inside = at + _HEAP_HEADER
-            while inside + _HEAP_HEADER <= min(end, len(content)):
-                number, size = struct.unpack_from("<H6xQ", content, inside)
-                step = size if number == 0 else _HEAP_HEADER + -(-size // 8) * 8
-                if not _HEAP_HEADER <= step <= end - inside:
-                    raise FileFormatError(path, "(file)", "a sound HDF5 file", f"a text of {size} bytes in its heap at {inside}")
-                inside += step
-            at = content.find(_HEAP, at + 1)
 
 
 @contextmanager
