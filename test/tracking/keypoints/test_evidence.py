@@ -1,0 +1,97 @@
+"""Whether a limb is where a fit has it, by the points found on it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from helpers.bodies.detected_people import HUMAN, NAMES, posed, seen_by, without
+from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.model.humans.keypoints import BLAZEPOSE
+from tracker_node.observation.keypoints.people import Person
+from tracker_node.tracking.config import KeypointConfig
+from tracker_node.tracking.keypoints.evidence import lost_odds
+from tracker_node.tracking.keypoints.modality import KeypointModality
+from tracker_node.tracking.limbs.tree import limbs_of
+
+RIG, TRUE = circle_rig(3), posed(4)
+LIMBS = limbs_of(HUMAN)
+CONFIG = KeypointConfig(sigma_share=0.02, offset_scale=1e-3)  # offsets are known: what is off is off
+
+
+def index(ending: str) -> int:
+    return next(i for i, limb in enumerate(LIMBS) if limb.name == ending)
+
+
+ARM, OTHER, LEG = index("left_hand"), index("right_hand"), index("left_foot")
+
+
+def shifted(person: Person, name: str, by_px: float) -> Person:
+    pixels = person.pixels.copy()
+    pixels[NAMES.index(name)] += by_px
+    return replace(person, pixels=pixels)
+
+
+def odds(people: list, body_px: float = 200.0) -> np.ndarray:
+    made = KeypointModality(RIG, HUMAN, CONFIG, BLAZEPOSE)
+    made.set_images((), TRUE, None, people)
+    return lost_odds(made.correspond(TRUE, 1.0), TRUE, LIMBS, body_px)
+
+
+def ratio(person: Person, square: float, score: float, body_px: float = 200.0) -> float:
+    """Of one point in one camera: log of elsewhere against here, either of them an outlier perhaps."""
+    left, top, right, bottom = person.box
+    size = max(right - left, bottom - top)
+    variance, q = 1.0 + (0.02 * size) ** 2, 0.02 + 0.4 * (1.0 - score)
+    outlier = q / (1.0 - q) * 2.0 * np.pi * variance / size**2
+    away = 1.0 / (1.0 + 55.0**2 * (body_px / 200.0) ** 2 / variance)
+    return np.log((away + outlier) / (np.exp(-0.5 * square) + outlier))
+
+
+def test_limbs_whose_points_are_in_place_are_not_lost():
+    found = odds(seen_by(RIG, TRUE))
+    assert found.shape == (len(LIMBS),) and (found < -2.0).all()
+
+
+def test_a_point_that_is_elsewhere_in_two_cameras_tells_of_its_limb_alone():
+    people, sound = seen_by(RIG, TRUE), odds(seen_by(RIG, TRUE))
+    found = odds([shifted(people[0], "left_wrist", 40.0), shifted(people[1], "left_wrist", -40.0), people[2]])
+    assert found[ARM] > 1.0
+    np.testing.assert_allclose(np.delete(found, ARM), np.delete(sound, ARM))
+
+
+def test_odds_of_a_point_in_two_cameras_by_hand():
+    """The worst of a limb's points counts, summed over cameras of which 1.5 share one error."""
+    people = [replace(person, score=0.7, scores=0.7 * person.scores) for person in seen_by(RIG, TRUE)]
+    for body_px in (50.0, 100.0):
+        found = odds([people[0], shifted(people[1], "left_ankle", 12.0), None], body_px)
+        left, top, right, bottom = people[1].box
+        variance = 1.0 + (0.02 * max(right - left, bottom - top)) ** 2
+        expected = ratio(people[0], 0.0, 0.7, body_px) + ratio(people[1], 2.0 * 12.0**2 / variance, 0.7, body_px)
+        assert found[LEG] == pytest.approx(expected / 1.5, abs=0.05)  # the offset takes a little of it
+        in_place = ratio(people[0], 0.0, 0.7, body_px) + ratio(people[1], 0.0, 0.7, body_px)
+        assert found[OTHER] == pytest.approx(in_place / 1.5, abs=1e-3)
+
+
+def test_a_point_of_one_camera_counts_where_no_other_is_seen_by_two():
+    own = tuple(f"left_{name}" for name in ("shoulder", "elbow", "wrist"))
+    people = [without(shifted(person, "left_wrist", 40.0), ()) for person in seen_by(RIG, TRUE)]
+    alone = [people[0], without(people[1], own), without(people[2], own)]
+    assert odds(alone)[ARM] > 0.5
+    with_elbow = [people[0], without(people[1], ("left_wrist", "left_shoulder")), without(people[2], own)]
+    assert odds(with_elbow)[ARM] < -1.0  # the elbow, in two cameras, is in place
+
+
+def test_a_limb_without_points_has_no_evidence():
+    own = tuple(f"left_{name}" for name in ("shoulder", "elbow", "wrist"))
+    found = odds([without(person, own) for person in seen_by(RIG, TRUE)])
+    assert found[ARM] == 0.0 and (np.delete(found, ARM) < 0.0).all()
+    np.testing.assert_array_equal(odds([None, None, None]), np.zeros(len(LIMBS)))
+
+
+def test_no_point_says_more_than_the_limit():
+    people = [replace(shifted(person, "left_wrist", 300.0), box=(0.0, 0.0, 2000.0, 2000.0)) for person in seen_by(RIG, TRUE)]
+    made = KeypointModality(RIG, HUMAN, replace(CONFIG, sigma_share=1e-4, outlier_fraction=1e-4), BLAZEPOSE)
+    made.set_images((), TRUE, None, people)
+    found = lost_odds(made.correspond(TRUE, 1.0), TRUE, LIMBS, 2000.0)
+    assert found[ARM] == 6.0 and found[OTHER] == -6.0

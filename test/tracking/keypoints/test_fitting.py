@@ -1,0 +1,119 @@
+"""Fits to detected points alone: how far they reach, what priors do, and how large the errors are beside their covariance."""
+
+import numpy as np
+import pytest
+
+from helpers.bodies.detected_people import HUMAN, off_m, posed, seen_by, standing
+from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.model.configuration import State
+from tracker_node.model.humans.keypoints import BLAZEPOSE
+from tracker_node.objective.constraints.collision import CollisionObjective
+from tracker_node.objective.constraints.prior import Prior
+from tracker_node.tracking.config import from_dict
+from tracker_node.tracking.keypoints.fitting import KeypointFitting
+from tracker_node.tracking.keypoints.modality import KeypointModality
+
+RIG, TRUE = circle_rig(3), standing(0.1, 0.0, 0.5, left_shoulder_elevation_front=40.0, right_hip_flexion=25.0)
+NO_PULL = {"motion.neutral_angle": 0.0, "motion.stay_angle": 0.0, "collision.enabled": False}
+STATED_PX = 3.0
+
+
+def fitting(**more) -> KeypointFitting:
+    config = from_dict({"modalities": ["region", "keypoints"], **more})
+    return KeypointFitting(HUMAN, config, KeypointModality(RIG, HUMAN, config.keypoints, BLAZEPOSE))
+
+
+def taken(made: KeypointFitting, state: State = TRUE, **more) -> KeypointFitting:
+    made.modality.set_images((), state, None, seen_by(RIG, state, **more))
+    return made
+
+
+def moved(by_m: float, by_rad: float, seed: int = 0) -> State:
+    rng = np.random.default_rng(seed)
+    delta = by_rad * rng.uniform(-1.0, 1.0, HUMAN.n_dof)
+    delta[:3] = by_m * rng.uniform(-1.0, 1.0, 3)
+    return TRUE.retract(delta)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_first_fit_reaches_a_body_from_afar(seed):
+    made, far = taken(fitting()), moved(0.3, 0.4, seed)
+    first, later = (made.fit(far, at_first, None) for at_first in (True, False))
+    assert off_m(far, TRUE).mean() > 0.1 and off_m(first.state, TRUE).mean() < 0.02
+    assert first.iterations > later.iterations
+
+
+def test_a_later_fit_follows_a_body_from_near_by():
+    made = taken(fitting())
+    assert off_m(made.fit(moved(0.02, 0.05), False, None).state, TRUE).mean() < 0.02
+
+
+def test_the_last_stage_is_sharp_and_compares_the_cameras():
+    made = taken(fitting())
+    for first in (True, False):
+        fit = made.fit(moved(0.02, 0.05), first, None)
+        assert fit.comparison is not None and fit.comparison.state is fit.state and len(fit.comparison.cameras) == 3
+        sharp = made.modality.correspond(fit.state, 1.0).linearize(fit.state)
+        np.testing.assert_array_equal(fit.correspondences.linearize(fit.state).H, sharp.H)
+
+
+def test_a_prior_that_is_sure_holds_the_body_and_a_vague_one_does_not():
+    near = moved(0.02, 0.05)
+    for information, off in ((1e8, 1e-3), (1e-3, 0.02)):
+        fit = taken(fitting()).fit(near, False, Prior(near, np.full(HUMAN.n_dof, information)))
+        assert off_m(fit.state, near if information > 1.0 else TRUE).mean() < off
+
+
+def test_without_a_prior_the_start_holds_as_strongly_as_configured():
+    near = moved(0.05, 0.1)
+    held = taken(fitting(**{"motion.stay_position": 1e9, "motion.stay_angle": 1e9})).fit(near, False, None)
+    assert off_m(held.state, near).max() < 1e-3
+    given = Prior(TRUE, np.ones(HUMAN.n_dof))
+    free = taken(fitting(**{"motion.stay_position": 1e9, "motion.stay_angle": 1e9})).fit(near, False, given)
+    assert off_m(free.state, TRUE).mean() < 0.02  # a prediction is in its place
+
+
+def test_joints_without_points_rest_in_the_neutral_pose():
+    made = fitting(**{"motion.neutral_angle": 100.0})
+    fit = made.fit(moved(0.0, 0.3), True, Prior(TRUE, np.full(HUMAN.n_dof, 1e-6)))
+    neutral = State.neutral(HUMAN).joint_positions
+    stiff = np.array([axis.stiffness for axis in HUMAN.chain.axes]) > 0.0
+    assert np.abs(fit.state.joint_positions - neutral)[stiff].max() < 1e-3
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_parts_may_not_run_into_each_other_where_that_is_configured(enabled):
+    fit = taken(fitting(**{"collision.enabled": enabled})).fit(TRUE, False, None)
+    assert any(isinstance(each, CollisionObjective) for each in fit.objective.objectives) is enabled
+
+
+def test_nothing_is_remembered():
+    made = taken(fitting())
+    assert made.restart() is False
+    near = moved(0.02, 0.05)
+    first = made.fit(near, False, None)
+    made.remember(first, None)
+    made.reset()
+    np.testing.assert_array_equal(made.fit(near, False, None).state.to_values(), first.state.to_values())
+
+
+def test_errors_are_as_large_as_the_covariance_says():
+    """Noise, offsets and the prediction are drawn from what they are taken for; e H e has as many degrees as the body."""
+    rng, squares, ends = np.random.default_rng(3), [], []
+    spread = np.full(HUMAN.n_dof, 0.05)
+    spread[:3] = 0.03
+    state = posed(2, 0.4)
+    for _ in range(40):
+        made = fitting(**NO_PULL, **{"keypoints.sigma_share": 1e-4, "keypoints.outlier_fraction": 1e-4})
+        points = made.modality.offsets.body
+        offsets = {name: points.means[k] + np.sqrt(np.diag(points.covariances[k])) * rng.normal(size=3)
+                   for k, name in enumerate(made.modality.names)}  # fmt: skip
+        people = seen_by(RIG, state, rng, STATED_PX, offsets, stated_px=STATED_PX)
+        made.modality.set_images((), state, None, people)
+        predicted = state.retract(spread * rng.normal(size=HUMAN.n_dof))
+        fit = made.fit(predicted, False, Prior(predicted, spread**-2.0))
+        e = fit.state.difference(state)
+        squares.append(e @ fit.equations.H @ e / HUMAN.n_dof)
+        ends.append(np.linalg.inv(fit.equations.H)[:6, :6].trace())
+    assert 0.85 < np.mean(squares) < 1.15 and np.max(squares) < 2.0
+    assert np.mean(ends) < 0.5 * (spread[:6] ** 2).sum()  # and points say much more than the prediction
