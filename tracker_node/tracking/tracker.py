@@ -209,8 +209,8 @@ class Tracker:
         began = time.perf_counter()
         images = self._images(image_set)
         if self._track.start is None or self._track.lost >= _LOST_SETS:
-            people = [None if image is None else image.people for image in map(image_set.get, self.rig.names)]
-            begin = self._track.engine.find(people)
+            seen = [image_set.get(name) for name in self.rig.names]
+            begin = self._track.engine.find([None if image is None else image.people for image in seen])
             if begin is not None:
                 self._restart(begin)
         if self._initializer is not None:

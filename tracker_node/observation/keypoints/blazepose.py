@@ -27,13 +27,12 @@ NAMES: tuple[str, ...] = (
     "right_ear", "mouth_left", "mouth_right", *(f"{side}_{name}" for name in _LEFT_RIGHT for side in ("left", "right")),
 )  # fmt: skip
 N_POINTS = len(NAMES)
-_CENTER, _TOP = N_POINTS, N_POINTS + 1  # two points more: the middle of the hips, and one on the circle around the body
-
 _DETECTOR_SIDE, _SIDE, _CELL = 224, 256, 4
 _STRIDES = ((8, 2), (16, 2), (32, 6))  # of the detector's cells, and anchors in each
 _LEAST_PERSON = 0.3  # probability of a detection; of several people the smaller ones have no more
 _LEAST_PRESENCE = 0.5  # of a person in a crop
 _SAME_PERSON = 0.3  # overlap of two boxes (intersection over union) of one person
+_ROUNDS = 3  # of the detector, each without the people of those before: it hardly sees smaller ones beside a large one
 _MARGIN = 1.25  # of the crop around the circle
 # Errors of the points in cells have the variance `_SPREAD` m S where the second moments of a map are S, of mean m: one that
 # is twice as wide is four times as wrong. Measured on eight rendered people in clothes (`benchmark/clothed/offsets.py`)
@@ -122,7 +121,7 @@ class PointNetwork:
     def __init__(self, path: str | Path, threads: int = 1):
         self._network = _Network(path, threads)
 
-    def read(self, image: np.ndarray, crop: Crop) -> tuple[Person, Crop] | None:
+    def read(self, image: np.ndarray, crop: Crop) -> Person | None:
         """The person in a crop.
 
         Parameters
@@ -132,7 +131,7 @@ class PointNetwork:
 
         Returns
         -------
-        The person, and the crop around the points found, for another round or the next image; None where there is nobody.
+        None where there is nobody.
         """
         rgb = cv2.cvtColor(crop.cut(image, _SIDE), cv2.COLOR_BGR2RGB)
         values, presences, mask, maps, _ = self._network(rgb.astype(np.float32) * (1.0 / 255.0))
@@ -153,9 +152,7 @@ class PointNetwork:
         scores = 1.0 / (1.0 + np.exp(-values[:, 3].astype(np.float64)))
         silhouette = _silhouette(mask[:, :, 0], crop, image.shape[:2])
         seen = slice(N_POINTS)
-        person = Person(NAMES, pixels[seen], covariances[seen], scores[seen], presence, _box(pixels[seen]), silhouette)
-        center, top = mapped(to_image, points[[_CENTER, _TOP]])
-        return person, _crop_around(center, top)
+        return Person(NAMES, pixels[seen], covariances[seen], scores[seen], presence, _box(pixels[seen]), silhouette)
 
 
 @dataclass(frozen=True)
@@ -194,9 +191,18 @@ class BlazePose:
         -------
         Those with a person in it.
         """
-        crops = list(expected) or [found.crop for found in self._detector.find(image)[: self._most]]
-        found = [self._points.read(image, crop) for crop in crops]
-        return tuple(person for person, _ in filter(None, found))
+        if expected:
+            return tuple(person for crop in expected if (person := self._points.read(image, crop)) is not None)
+        people: list[Person] = []
+        left = image
+        for _ in range(_ROUNDS):
+            crops = [found.crop for found in self._detector.find(left)[: self._most - len(people)]]
+            found = [person for crop in crops if (person := self._points.read(left, crop)) is not None]
+            people += found
+            if not found or len(people) >= self._most:
+                break
+            left = _without(left, found)
+        return tuple(people)
 
 
 def _anchors() -> np.ndarray:
@@ -222,6 +228,17 @@ def _crop_around(center: np.ndarray, top: np.ndarray) -> Crop:
     du, dv = top - center
     radius = math.hypot(du, dv)
     return Crop((float(center[0]), float(center[1])), max(2.0 * _MARGIN * radius, 8.0), math.atan2(du, -dv))
+
+
+def _without(image: np.ndarray, people: Sequence[Person]) -> np.ndarray:
+    """The image with people covered by its mean color."""
+    result, mean = image.copy(), image.reshape(-1, 3).mean(axis=0).astype(np.uint8)
+    for person in people:
+        if person.silhouette is not None:
+            u, v = person.silhouette.origin
+            shown = cv2.dilate(person.silhouette.probabilities, np.ones((5, 5), np.uint8)) > 64
+            result[v : v + shown.shape[0], u : u + shown.shape[1]][shown] = mean
+    return result
 
 
 def _box(pixels: np.ndarray) -> tuple[float, float, float, float]:

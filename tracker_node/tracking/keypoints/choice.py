@@ -92,4 +92,5 @@ class PersonChoice:
         square = np.einsum("ni,nij,nj->n", e, np.linalg.inv(S), e)
         density = np.exp(-0.5 * square) / (2.0 * np.pi * np.sqrt(np.linalg.det(S)))
         ratio = np.log((1.0 - _OUTLIER) * density * area + _OUTLIER)
-        return float((person.scores[rows] * np.where(seen, ratio, 0.0)).sum())
+        says = seen & np.isfinite(ratio)
+        return float((person.scores[rows][says] * ratio[says]).sum())

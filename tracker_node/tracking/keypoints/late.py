@@ -17,6 +17,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.humans.keypoints import KeypointTable
+from ...model.humans.measures import mirrored_name
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.people import People, Person
 from .modality import points_of
@@ -78,6 +79,8 @@ class LatePoints:
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, table: KeypointTable):
         self._rig, self._projector = rig, _Projector(rig, model, table)
+        own = self._projector.names
+        self._needed = tuple(dict.fromkeys([*own, *map(mirrored_name, own)]))
         self.reset()
 
     def reset(self) -> None:
@@ -113,10 +116,20 @@ class LatePoints:
         -------
         By camera of the rig; None where no detector has looked.
         """
-        images = [image_set.get(name) for name in self._rig.names]
+        images = [self._completed(image_set.get(name)) for name in self._rig.names]
         late = any(image is not None and image.people and image.people_stamp_ns is not None for image in images)
         steps = self._steps_to(image_set.stamp_ns, expected) if late else []
         return [None if image is None else self._people(i, image, image_set.stamp_ns, steps) for i, image in enumerate(images)]
+
+    def _completed(self, image: CameraImage | None) -> CameraImage | None:
+        """With all points of the body, those that the detector lacks not found, and none that the other side lacks."""
+        if image is None or not image.people or all(self._is_complete(person.names) for person in image.people):
+            return image
+        return replace(image, people=tuple(completed(person, self._needed) for person in image.people))
+
+    def _is_complete(self, names: tuple[str, ...]) -> bool:
+        given = set(names)
+        return given.issuperset(self._needed) and given.issuperset(map(mirrored_name, names))
 
     def _steps_to(self, stamp_ns: int, expected: State) -> list[_Step]:
         if self._last is None:
@@ -146,3 +159,22 @@ class LatePoints:
         spread = (_WANDERS**2 * (by_point**2).sum(axis=1) + at_rest_px**2)[:, None, None] * np.eye(2)
         box = left + du, top + dv, right + du, bottom + dv
         return replace(person, pixels=person.pixels + by_point, covariances=person.covariances + spread, box=box, silhouette=None)
+
+
+def completed(person: Person, names: tuple[str, ...]) -> Person:
+    """A person with the points of these names alone.
+
+    Parameters
+    ----------
+    person, names : of any detector; names that the body needs.
+
+    Returns
+    -------
+    In the order of ``names``; points that the detector lacks have score 0.
+    """
+    n = len(names)
+    pixels, covariances, scores = np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1)), np.zeros(n)
+    given = {name: row for row, name in enumerate(person.names)}
+    for k, row in ((k, given[name]) for k, name in enumerate(names) if name in given):
+        pixels[k], covariances[k], scores[k] = person.pixels[row], person.covariances[row], person.scores[row]
+    return replace(person, names=names, pixels=pixels, covariances=covariances, scores=scores)

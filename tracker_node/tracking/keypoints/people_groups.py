@@ -13,6 +13,7 @@ from ...model.humans.measures import mirrored_name
 from ...observation.keypoints.people import Person
 from ..modality import PeopleSeen
 
+_MOST_PEOPLE = 6  # of an image: the surest and largest
 _SURE = 0.5  # score of a point that has a say
 _LEAST_POINTS = 6  # that two cameras have in common
 _CLOSE = 0.06  # median distance of points from where they meet, as a fraction of the person's size in the image
@@ -61,7 +62,7 @@ def grouped(rig: CameraRig, people: PeopleSeen) -> list[PersonGroup]:
     -------
     Those seen by the most cameras first, then the largest ones.
     """
-    seen = [list(persons or ()) for persons in people]
+    seen = [sorted(persons or (), key=_rank)[:_MOST_PEOPLE] for persons in people]
     found: list[PersonGroup] = []
     while True:
         best = _best_group(rig, seen)
@@ -115,7 +116,8 @@ def _group(rig: CameraRig, persons: Sequence[Person | None]) -> PersonGroup | No
         rays, valid = camera.model.rays(np.ascontiguousarray(person.pixels))
         directions = rays @ camera.T_cam_world[:3, :3]
         across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-        weights = np.where(valid & (person.scores >= _SURE), 1.0, 0.0) / _size(person) ** 2
+        has = valid & (person.scores >= _SURE) & np.isfinite(person.pixels).all(axis=1)
+        weights, across = np.where(has, 1.0, 0.0) / _size(person) ** 2, np.where(has[:, None, None], across, 0.0)
         A += weights[:, None, None] * across
         b += weights[:, None] * (across @ camera.center)
         count += weights > 0.0
@@ -128,11 +130,16 @@ def _group(rig: CameraRig, persons: Sequence[Person | None]) -> PersonGroup | No
     for camera, person in zip(rig, persons, strict=True):
         if person is not None:
             pixels, seen = camera.project(points[sure])
-            own = person.scores[sure] >= _SURE
             distances = np.linalg.norm(pixels - person.pixels[sure], axis=1) / _size(person)
+            own = (person.scores[sure] >= _SURE) & np.isfinite(distances)
             misfits.append(float(np.median(np.where(seen, distances, 1.0)[own])) if own.any() else 1.0)
     total = sum(_size(person) for person in persons if person is not None)
     return PersonGroup(tuple(persons), points, max(misfits), total)
+
+
+def _rank(person: Person) -> float:
+    """Less for people who are surer and larger."""
+    return -person.score * _size(person)
 
 
 def _size(person: Person) -> float:

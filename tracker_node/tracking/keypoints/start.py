@@ -10,11 +10,15 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.keypoints.correspondences import BodyPoints, KeypointCorrespondences
+from ...optimize.fitter import Fit
+from ..limbs.tree import Limb, limbs_of
 from ..modality import PeopleSeen
 from .fitting import KeypointFitting
 from .people_groups import PersonGroup, grouped
 
 _LEAST_PLACED = 4  # points by which a body is placed
+_SUITS = 3.0  # times what the points of the best person cost
+_MOST_GROUPS = 4  # people who are tried
 _LEAST_INLIERS = 0.5  # fraction of the points that have to be no outliers
 _TURNS = (0.0, np.pi)  # of the body about its vertical axis, tried after placing it
 
@@ -30,10 +34,11 @@ class PointStart:
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, fitting: KeypointFitting):
         self._rig, self._model, self._fitting = rig, model, fitting
+        self._focus, self._limbs = _focus(rig), limbs_of(model)[1:]
         self._steady = np.argsort(_mobility(model, fitting.modality.offsets.body), kind="stable")
 
     def find(self, people: PeopleSeen) -> State | None:
-        """The state of the person who is seen by the most cameras, of several the largest.
+        """The state of the person nearest to where the cameras look, of those whom the body suits.
 
         Parameters
         ----------
@@ -45,30 +50,40 @@ class PointStart:
         """
         if sum(bool(persons) for persons in people) < 2:
             return None
-        for group in grouped(self._rig, people):
-            found = self._fitted(group)
-            if found is not None:
-                return found
-        return None
+        groups = grouped(self._rig, people)[:_MOST_GROUPS]
+        tried = [self._fitted(group) for group in groups if group.count >= max(groups[0].count - 1, 2)]
+        found = [each for each in tried if each is not None]
+        if not found:
+            return None
+        least = min(cost for _, cost in found)
+        suits = [state for state, cost in found if cost <= _SUITS * least]
+        return min(suits, key=lambda state: float(np.linalg.norm(state.T_world_root[:3, 3] - self._focus)))
 
-    def _fitted(self, group: PersonGroup) -> State | None:
+    def _fitted(self, group: PersonGroup) -> tuple[State, float] | None:
+        """The body in the place of a group, and what each of its points costs; lengths that are not the body's cost."""
         placed = self._placed(group)
         if placed is None:
             return None
-        modality = self._fitting.modality
-        best: State | None = None
-        least = np.inf
-        for turn in _TURNS:
-            start = _turned(placed, turn)
-            modality.set_images((), start, None, group.persons)
-            fit = self._fitting.fit(start, True, None)
-            points = fit.correspondences
-            assert isinstance(points, KeypointCorrespondences)
-            weights = points.at(fit.state).weights
-            inliers = float(np.maximum(weights, 0.0).sum() / max(int((weights >= 0.0).sum()), 1))
-            if inliers >= _LEAST_INLIERS and fit.equations.cost < least:
-                best, least = fit.state, fit.equations.cost
-        return best
+        self._fitting.modality.set_images((), placed, None, group.persons)
+        best = min((self._fit(_turned(placed, turn)) for turn in _TURNS), key=_cost)
+        for limb in self._limbs:  # one that is bent far is not reached from the neutral pose
+            again = self._fit(self._bent(best.state, limb))
+            best = min(best, again, key=_cost)
+        points = best.correspondences
+        assert isinstance(points, KeypointCorrespondences)
+        weights = points.at(best.state).weights
+        count = max(int((weights >= 0.0).sum()), 1)
+        if np.maximum(weights, 0.0).sum() < _LEAST_INLIERS * count:
+            return None
+        return best.state, best.equations.cost / count
+
+    def _fit(self, start: State) -> Fit:
+        return self._fitting.fit(start, True, None)
+
+    def _bent(self, state: State, limb: Limb) -> State:
+        """With the joints of a limb in the middle of their ranges."""
+        chain, joints = self._model.chain, limb.dofs[N_ROOT_DOF:]
+        return State(state.T_world_root, np.where(joints, 0.5 * (chain.lower + chain.upper), state.joint_positions))
 
     def _placed(self, group: PersonGroup) -> State | None:
         """The neutral body where its points are best on those of the group (least squares of rotation and translation)."""
@@ -87,6 +102,18 @@ class PointStart:
         R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ V))]) @ V
         T = se3.from_rotation_translation(R, aim - R @ middle)
         return State(T @ neutral.T_world_root, neutral.joint_positions)
+
+
+def _cost(fit: Fit) -> float:
+    return fit.equations.cost if np.isfinite(fit.equations.cost) else np.inf
+
+
+def _focus(rig: CameraRig) -> np.ndarray:
+    """(3,) meters, world: the point nearest to all optical axes, where a rig is set up to look."""
+    axes = np.array([camera.T_cam_world[2, :3] for camera in rig])
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    centers = np.array([camera.center for camera in rig])
+    return np.linalg.lstsq(across.sum(axis=0), np.einsum("nij,nj->i", across, centers), rcond=None)[0]
 
 
 def _mobility(model: ArticulatedModel, body: BodyPoints) -> np.ndarray:
