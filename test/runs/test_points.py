@@ -12,7 +12,7 @@ from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import Person, Silhouette
 from tracker_node.runs.messages import crops, crops_in, keypoints
-from tracker_node.runs.points import MOST_PEOPLE, detected_people, with_people
+from tracker_node.runs.points import MOST_PEOPLE, detected_people, with_known_names, with_people
 
 STAMP_NS = 3_000_000_005
 
@@ -41,18 +41,17 @@ def test_of_five_hundred_people_the_likeliest_are_used():
     assert f"{MOST_PEOPLE} of 500" in detected.notes[0]
 
 
-def test_names_that_no_body_has_are_left_out_and_those_that_are_missing_are_not_found():
-    detected = detected_people(message(person(("tail", "left_wrist"))))
-    (found,) = detected.people
-    assert found.names == NAMES and "tail" in detected.notes[0]
-    assert np.array_equal(found.pixels[NAMES.index("left_wrist")], person(("tail", "left_wrist")).pixels[1])
-    assert np.flatnonzero(found.scores).tolist() == [NAMES.index("left_wrist")]
+def test_names_that_the_body_lacks_are_told():
+    detected = with_known_names(detected_people(message(person(("tail", "left_wrist")))), NAMES, "cam01")
+    assert detected.notes == ("names that the body lacks are left out: tail",)
+    assert not with_known_names(detected_people(message(person())), NAMES, "cam01").notes
+    assert not with_known_names(detected_people(message()), NAMES, "cam01").people
 
 
 @pytest.mark.parametrize("names", [("tail",), ("a", "b")])
 def test_points_without_a_known_name_are_refused(names):
-    with pytest.raises(CalibrationError, match="cam01.*no point has a name"):
-        detected_people(message(person(names)))
+    with pytest.raises(CalibrationError, match=r"cam01.*no point has a name"):
+        with_known_names(detected_people(message(person(names))), NAMES, "cam01")
 
 
 def test_points_that_are_not_finite_are_not_found():
@@ -66,7 +65,7 @@ def test_points_that_are_not_finite_are_not_found():
 def test_a_message_that_contradicts_itself_is_refused():
     broken = message(person())
     broken.persons[0].u = broken.persons[0].u[:-1]
-    with pytest.raises(CalibrationError, match="cam01.*33"):
+    with pytest.raises(CalibrationError, match=r"cam01.*33"):
         detected_people(broken)
 
 

@@ -98,6 +98,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..api.recording import with_sources
     from ..errors import TrackerError
+    from ..loaders.keypoints.table import load_keypoint_table
     from ..loaders.model.model_yaml import load_model
     from ..loaders.model.state_yaml import load_state
     from ..loaders.rig.rig_yaml import load_rig
@@ -131,6 +132,7 @@ def run(args: argparse.Namespace) -> int:
             smooth_s=_lag(args.smooth),
             detection=_detection(args),
             points=_points(args),
+            table=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table and args.from_run_bag else None,
             masks=args.masks,
             masked_images=args.masked_images,
             named_options=named_options(args),
@@ -179,8 +181,8 @@ def _points(args: argparse.Namespace) -> PointFiles | None:
 
     if args.keypoints is not None:
         return PointFiles(args.keypoints, args.keypoints_table, args.keypoints_first)
-    if args.keypoints_table is not None:
-        raise FileFormatError("command line", "--keypoints-table", "--keypoints beside it", "none")
+    if args.keypoints_table is not None and args.from_run_bag is None:
+        raise FileFormatError("command line", "--keypoints-table", "--keypoints or --from-run-bag beside it", "none")
     return None
 
 

@@ -47,7 +47,7 @@ _SHARED: dict[str, dict[str, Any]] = {
         "description": "track every image set in order, however long it takes",
     },
     "keypoints": {"default_value": "false", "choices": SWITCH, "description": "find people and their points in the images"},
-    "keypoints_rate": {"default_value": "", "description": "image sets a second with points at most; empty: as many as possible"},
+    "keypoints_rate": {"default_value": "", "description": "image sets a second with points at most; empty: 5"},
     "weights": {"default_value": "", "description": "of the network that finds points; empty: the full size, fetched once"},
     "topics": {"default_value": "", "description": "'cam01=/front/image_raw cam02=...': image topics, before what rig.yaml says"},
     "name": {"default_value": "tracker", "description": "the tracker node's name; one for each of several trackers"},

@@ -19,6 +19,7 @@ from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
+from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
 from ..report.metrics_file import command_line, cpu, versions
 from ..tracking.config import KEYPOINTS, TrackerConfig, flatten
@@ -52,6 +53,7 @@ class OfflineRun:
     smooth_s : smooth the states with so many seconds of what came after them; infinite: with all of it; None: not at all.
     detection : how people are found, where `keypoints` is among the modalities.
     points : files with the points of another detector, in whose place; None: none.
+    table : what the points in a bag are on the body; None: those of BlazePose.
     masks, masked_images : record the model's silhouettes, and the images as seen through them.
     named_options : what the user gave, for ``run.json``.
     """
@@ -68,6 +70,7 @@ class OfflineRun:
     smooth_s: float | None = None
     detection: DetectionOptions = field(default_factory=DetectionOptions)
     points: PointFiles | None = None
+    table: KeypointTable | None = None
     masks: bool = False
     masked_images: bool = False
     named_options: dict[str, Any] = field(default_factory=dict)
@@ -103,7 +106,7 @@ def run_offline(
         for sentence in (*stream.errors, *stream.notes):
             tell(sentence)
         backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
-        table = None if recorded is None else recorded.table
+        table = run.table if recorded is None else recorded.table
         tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")

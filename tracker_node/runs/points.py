@@ -1,6 +1,6 @@
 """Points of a detector in messages, as a tracker can use them: live and from a bag by the same rules, for the same states.
 
-Detectors are other programs: a message may hold five hundred people, names that no body has, or the silhouette of another image.
+Detectors are other programs: a message may hold 500 people, names that the body lacks, or the silhouette of another image.
 """
 
 from __future__ import annotations
@@ -10,12 +10,9 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from ..errors import CalibrationError
 from ..loaders.bag.message_types import stamp_ns_of
 from ..observation.image_set import CameraImage
-from ..observation.keypoints.blazepose import NAMES
 from ..observation.keypoints.people import People, Person
 from .messages import people_of
 
@@ -30,7 +27,7 @@ class DetectedPeople:
     Attributes
     ----------
     stamp_ns : of the image.
-    people : with all points that a tracker knows; those that the detector lacks are not found.
+    people : the likeliest.
     notes : what was left out, one sentence each.
     """
 
@@ -48,25 +45,47 @@ def detected_people(message: Any) -> DetectedPeople:
 
     Returns
     -------
-    people : at most `MOST_PEOPLE`, with points of the names of `blazepose.NAMES`.
+    people : at most `MOST_PEOPLE`.
 
     Raises
     ------
-    CalibrationError : naming the camera, a message that contradicts itself, or whose points have no name that is known.
+    CalibrationError : naming the camera, a message that contradicts itself.
     """
-    stamp_ns, camera, notes = stamp_ns_of(message.header.stamp), str(message.camera), []
+    notes: tuple[str, ...] = ()
     persons = list(message.persons)
     if len(persons) > MOST_PEOPLE:
-        notes.append(f"only the likeliest {MOST_PEOPLE} of {len(persons)} people are used")
+        notes = (f"only the likeliest {MOST_PEOPLE} of {len(persons)} people are used",)
         message = _Cut(message, sorted(persons, key=lambda person: -_score(person))[:MOST_PEOPLE])
-    names = [str(name) for name in message.names]
-    if persons and not set(names) & set(NAMES):
-        raise CalibrationError(camera, f"keypoints at {stamp_ns} ns: no point has a name that is known, such as {NAMES[-1]}")
-    unknown = [name for name in names if name not in NAMES]
-    if unknown:
-        more = f" and {len(unknown) - _NAMED} more" if len(unknown) > _NAMED else ""
-        notes.append(f"names that no body has are left out: {', '.join(name[:40] for name in unknown[:_NAMED])}{more}")
-    return DetectedPeople(stamp_ns, tuple(map(_named, people_of(message))), tuple(notes))
+    return DetectedPeople(stamp_ns_of(message.header.stamp), people_of(message), notes)
+
+
+def with_known_names(detected: DetectedPeople, known: Collection[str], camera: str) -> DetectedPeople:
+    """The same people, with a note of the names that are not known; the tracker leaves these points out.
+
+    Parameters
+    ----------
+    detected : of a message.
+    known : names of points that the body has.
+    camera : name, for messages.
+
+    Returns
+    -------
+    people : as they are.
+
+    Raises
+    ------
+    CalibrationError : no name is known.
+    """
+    names = detected.people[0].names if detected.people else ()
+    unknown = [name for name in names if name not in known]
+    if names and len(unknown) == len(names):
+        some = ", ".join(sorted(known)[:_NAMED])
+        raise CalibrationError(camera, f"keypoints at {detected.stamp_ns} ns: no point has a name that is known, such as {some}")
+    if not unknown:
+        return detected
+    more = f" and {len(unknown) - _NAMED} more" if len(unknown) > _NAMED else ""
+    note = f"names that the body lacks are left out: {', '.join(name[:40] for name in unknown[:_NAMED])}{more}"
+    return replace(detected, notes=(*detected.notes, note))
 
 
 class _Cut:
@@ -79,19 +98,6 @@ class _Cut:
 def _score(person: Any) -> float:
     score = float(person.score)
     return score if math.isfinite(score) else -math.inf
-
-
-def _named(person: Person) -> Person:
-    """With the points of `blazepose.NAMES`, in their order; score 0 for those that the detector does not have."""
-    if person.names == NAMES:
-        return person
-    n = len(NAMES)
-    pixels, covariances, scores = np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1)), np.zeros(n)
-    for row, name in enumerate(person.names):
-        if name in NAMES:
-            k = NAMES.index(name)
-            pixels[k], covariances[k], scores[k] = person.pixels[row], person.covariances[row], person.scores[row]
-    return replace(person, names=NAMES, pixels=pixels, covariances=covariances, scores=scores)
 
 
 def with_people(image: CameraImage, detected: DetectedPeople) -> CameraImage:

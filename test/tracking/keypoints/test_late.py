@@ -99,3 +99,15 @@ def test_before_anything_is_known_points_stay_where_they_are():
     late = LatePoints(RIG, HUMAN, BLAZEPOSE)
     (person,), *_ = late.brought(image_set(10, 4), state(10))
     assert np.array_equal(person.pixels, seen(4)[0].pixels) and np.trace(person.covariances[0]) > 2.0
+
+
+@pytest.mark.parametrize("names", [("left_wrist", "tail"), ("left_wrist", "left_paw"), ("tail",)])
+def test_points_that_the_detector_lacks_are_not_found_and_others_left_out(late, names):
+    """Both sides of every point are there: a detector may take one for the other."""
+    n = len(names)
+    person = Person(names, np.full((n, 2), 7.0), np.tile(np.eye(2), (n, 1, 1)), np.ones(n), 1.0, (0.0, 0.0, 9.0, 9.0))
+    image = CameraImage(RIG.names[0], 10 * PERIOD_NS, PIXELS, people=(person,))
+    (found,) = late.brought(ImageSet(image.stamp_ns, (image,)), state(10))[0]
+    assert {"left_wrist", "right_wrist", "nose"} <= set(found.names) and not {"tail", "left_paw"} & set(found.names)
+    seen = {name for name, score in zip(found.names, found.scores, strict=True) if score > 0.0}
+    assert seen == {"left_wrist"} & set(names)

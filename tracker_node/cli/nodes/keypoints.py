@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--niceness", type=_niceness, default=10, metavar="N", help="0 to 19: how far others go first (default: 10)"
     )
     parser.add_argument(
-        "--rate", type=_rate, default=0.0, metavar="HZ", help="image sets a second at most (default: as many as possible)"
+        "--rate", type=_rate, default=5.0, metavar="HZ", help="image sets a second at most (default: 5; 0: as many as possible)"
     )
     parser.add_argument(
         "--tracker", default="tracker", metavar="NODE", help="node whose crops say where to search (default: tracker; '': none)"

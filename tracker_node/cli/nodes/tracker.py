@@ -45,6 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the lenses are taken from; camera_info suits resampled images (default: rig)",
     )
     add_topics_argument(parser)
+    parser.add_argument(
+        "--keypoints-table",
+        metavar="FILE",
+        help="keypoints.yaml: what a detector's points are on the body (default: BlazePose's)",
+    )
     parser.add_argument("--lossless", action="store_true", help="track every image set in order, however long it takes")
     parser.add_argument(
         "--wait-for",
@@ -77,6 +82,7 @@ def run(args: argparse.Namespace) -> int:
     from ...ros.tracker.heap import kept_for_ever
 
     with kept_for_ever():
+        from ...loaders.keypoints.table import load_keypoint_table
         from ...loaders.model.model_yaml import load_model
         from ...loaders.model.state_yaml import load_state
         from ...loaders.rig.rig_yaml import load_rig
@@ -95,6 +101,7 @@ def run(args: argparse.Namespace) -> int:
         config=load_config(args.config) if args.config else TrackerConfig(),
         initial_state=load_state(args.initial_state, model) if args.initial_state else None,
         occluders=load_model(args.occluders) if args.occluders else None,
+        keypoints=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table else None,
         inbox=InboxOptions(lossless=args.lossless, compressed=args.compressed),
         calibration_from_topics=args.calibration == "camera_info",
         autostart=not args.no_autostart,

@@ -14,7 +14,7 @@ from rclpy.subscription import Subscription
 from tracker_msgs.msg import Keypoints
 
 from ...errors import CalibrationError, shown
-from ...runs.points import detected_people
+from ...runs.points import detected_people, with_known_names
 from ..diagnostics import OK, WARN, Diagnostics, QosMismatches
 from ..qos import RESULT, overridable
 from .point_matching import IN_TIME, LATE, REASONS, UNMATCHED, PointMatching
@@ -33,13 +33,17 @@ class KeypointInbox:
     matching : where the points go.
     mismatches : is informed when a publisher offers what we cannot take.
     diagnostics : of the node.
+    names : of points that the body has.
 
     Attributes
     ----------
     received, refused : camera -> messages.
     """
 
-    def __init__(self, node: Node, matching: PointMatching, mismatches: QosMismatches, diagnostics: Diagnostics):
+    def __init__(
+        self, node: Node, matching: PointMatching, mismatches: QosMismatches, diagnostics: Diagnostics, names: Collection[str]
+    ):
+        self._names = frozenset(names)
         self._node, self.matching, self._mismatches, self._diagnostics = node, matching, mismatches, diagnostics
         self._subscriptions: dict[str, Subscription] = {}
         self._problems: dict[str, str] = {}  # camera -> why its latest message was refused
@@ -77,7 +81,7 @@ class KeypointInbox:
             message = deserialize_message(data, Keypoints)
             if message.camera != camera:
                 raise CalibrationError(camera, f"keypoints: they are of camera {shown(message.camera)}")
-            detected = detected_people(message)
+            detected = with_known_names(detected_people(message), self._names, camera)
         except CalibrationError as error:
             self.refused[camera] += 1
             self._problems[camera] = str(error)

@@ -101,7 +101,7 @@ class TrackerNode(ManagedNode):
         self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
         config = self._parameters_of_node.config
         points = PointMatching(config.synchronizer.image_period_s)
-        self._keypoints = KeypointInbox(self, points, self._mismatches, self._diagnostics)
+        self._keypoints = KeypointInbox(self, points, self._mismatches, self._diagnostics, options.point_names)
         self._maker.prepare(cameras, config, writeable=inbox.compressed)
         self._maker.check(cameras, config)  # loads what a change of parameters needs
         keep_for_ever()

@@ -10,6 +10,8 @@ from ...camera.rig import CameraRig
 from ...loaders.images.source import load_backgrounds, resized_backgrounds
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
+from ...model.humans.keypoints import KeypointTable
+from ...observation.keypoints.blazepose import NAMES
 from ...runs.loop import Steppable
 from ...tracking.config import TrackerConfig
 from ...tracking.tracker import Tracker
@@ -25,6 +27,7 @@ class TrackerOptions:
     ----------
     rig, model, config, initial_state, occluders : as for `tracking.tracker.Tracker`; parameters given to the node win over
         ``config``.
+    keypoints : as for the `Tracker`: what the points of a detector are on the body.
     inbox : how images are received; ``inbox.lossless`` also makes every image set be tracked, in order.
     calibration_from_topics : lenses come from ``<cam>/camera_info`` instead of the rig, which gives the places only.
     autostart : configure and activate without being asked.
@@ -36,10 +39,16 @@ class TrackerOptions:
     config: TrackerConfig = field(default_factory=TrackerConfig)
     initial_state: State | None = None
     occluders: ArticulatedModel | None = None
+    keypoints: KeypointTable | None = None
     inbox: InboxOptions = field(default_factory=InboxOptions)
     calibration_from_topics: bool = False
     autostart: bool = True
     make_tracker: Callable[[CameraRig, ArticulatedModel, TrackerConfig, State | None], Steppable] | None = None
+
+    @property
+    def point_names(self) -> tuple[str, ...]:
+        """Names of a detector's points that a tracker knows."""
+        return NAMES if self.keypoints is None else tuple(self.keypoints)
 
 
 class TrackerMaker:
@@ -115,7 +124,7 @@ class TrackerMaker:
         if options.make_tracker is not None:
             return options.make_tracker(rig, options.model, config, options.initial_state)
         backgrounds = resized_backgrounds({name: b for name, b in self._backgrounds.items() if name in rig.names}, rig)
-        return Tracker(rig, options.model, config, backgrounds, options.initial_state, options.occluders)
+        return Tracker(rig, options.model, config, backgrounds, options.initial_state, options.occluders, options.keypoints)
 
     def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
         """Whether such a tracker can be made, in some 20 ms.
