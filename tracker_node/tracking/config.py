@@ -175,6 +175,10 @@ class KeypointConfig:
         1e-3, 100.0,
     )  # fmt: skip
     surface_wobble_m: float = parameter(0.01, "how far surfaces move on the body with its pose", "m", 1e-4, 1.0)
+    error_scale: float = parameter(
+        2.0, "squared errors of joints over what fits say of them, on rendered people in clothes: covariances are so much larger",
+        "1", 0.1, 100.0,
+    )  # fmt: skip
     silhouette_share: float = parameter(
         0.5, "factor of the log odds of the detector's silhouettes, beside contours; 0: they are not used", "1", 0.0, 10.0
     )

@@ -245,7 +245,13 @@ class Tracker:
         report = engine.report(fit, image_set)
         evidence = report.images if information is not None else None
         covariance, second_order = self._covariance(report, fit.state, prior, information, evidence, assessment)
+        if KEYPOINTS in self.config.modalities:
+            scale = self.config.keypoints.error_scale
+            covariance = scale * covariance
+            second_order = None if second_order is None else scale * second_order
         alone, pull = (information, None) if evidence is None else evidence.measurement(assessment.dof_weights)
+        if information is not None and any(people):  # lines and points together
+            alone, pull = information / self.config.keypoints.error_scale, None
         return TrackEstimate(
             stamp_ns=image_set.stamp_ns,
             status=assessment.status,
