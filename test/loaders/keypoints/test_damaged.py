@@ -62,7 +62,7 @@ def test_names_of_points_that_would_run_a_program(tmp_path):
     path = files.write_deeplabcut_h5(tmp_path / "a.h5", files.some_people(4, n_people=1), PARTS)
     with h5py.File(path, "a") as file:
         file["df_with_missing/table"].attrs["values_block_0_kind"] = np.bytes_(pickle.dumps([Runs()], 0))
-    with pytest.raises(FileFormatError, match=r"names in plain lists, got 'an object of .*open'"):
+    with pytest.raises(FileFormatError, match=r"names in plain lists, got 'an object"):
         load_points(path)
     assert not (tmp_path / "made").exists()
 

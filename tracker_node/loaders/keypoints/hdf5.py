@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import mmap
-import pickle
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +13,7 @@ import numpy as np
 
 from ...errors import FileFormatError, extra_module
 from ..whole_file import MB, TABLE_BYTES, check_regular
+from .plain_values import plain_value
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HEAP, _HEAP_HEADER = b"GCOL\x01\0\0\0", 16  # of a collection of texts; of it and of each text in it
@@ -111,8 +110,8 @@ class Hdf5File:
         if not isinstance(value, (bytes, np.bytes_)):
             return value
         try:
-            return _PlainUnpickler(io.BytesIO(bytes(value))).load()
-        except Exception as error:  # whatever damaged bytes lead to
+            return plain_value(bytes(value))
+        except ValueError as error:
             raise FileFormatError(self.path, f"{group}.{name}", "names in plain lists", str(error)) from None
 
     def _texts(self, dataset: Any, name: str) -> list[bytes]:
@@ -164,16 +163,6 @@ def _heap_texts(content: mmap.mmap, address: int) -> dict[int, bytes]:
         texts[number] = content[inside + _HEAP_HEADER : inside + _HEAP_HEADER + size]
         inside += _HEAP_HEADER + -(-size // 8) * 8
     return texts
-
-
-class _PlainUnpickler(pickle.Unpickler):
-    """Of values that need no class."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        raise pickle.UnpicklingError(f"an object of {module}.{name}")
-
-    def persistent_load(self, pid: Any) -> Any:
-        raise pickle.UnpicklingError("an object that lies elsewhere")
 
 
 @contextmanager
