@@ -81,6 +81,7 @@ def _starting(verb: str) -> Callable[[Scene], NodeProcess]:
             "recorder": ["--output", scene.folder / "bag", "--all"],
             "player": [scene.recording / "bag", "--loop"],
             "rectify": ["--cameras", "cam1", "cam2"],
+            "keypoints": ["--rig", scene.recording / "rig.yaml"],
             "pipeline": [*scene.arm(), "--loop", "--bag", scene.folder / "bag"],
         }
         process = scene.launch(verb, *ends[verb])
@@ -159,7 +160,10 @@ def _pipeline(searches: bool) -> Callable[[Scene], NodeProcess]:
 
 
 MOMENTS: dict[str, Callable[[Scene], NodeProcess]] = {
-    **{f"{verb} starting": _starting(verb) for verb in ("camera_ingest", "tracker", "recorder", "player", "rectify", "pipeline")},
+    **{
+        f"{verb} starting": _starting(verb)
+        for verb in ("camera_ingest", "tracker", "recorder", "player", "rectify", "keypoints", "pipeline")
+    },
     "tracker compiling": _compiling,
     "tracker looking for the body": _searching,
     "tracker looking for limbs": _searching_limbs,
