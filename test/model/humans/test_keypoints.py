@@ -1,0 +1,53 @@
+"""What the detector's points are on the human."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from helpers.bodies.bodies import crane
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.keypoints import BLAZEPOSE, relative_size
+from tracker_node.model.humans.measures import HumanMeasures, mirrored_name
+from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.observation.keypoints.blazepose import NAMES
+
+HUMAN = human_model()
+
+
+def test_every_point_is_one_of_the_detectors_and_on_a_landmark_of_the_human():
+    assert set(BLAZEPOSE) <= set(NAMES) and len(BLAZEPOSE) == 19
+    assert {point.landmark for point in BLAZEPOSE.values()} <= set(HUMAN.landmark_names)
+
+
+@pytest.mark.parametrize("name", BLAZEPOSE)
+def test_the_sides_are_mirror_images(name):
+    point, twin = BLAZEPOSE[name], BLAZEPOSE[mirrored_name(name)]
+    assert mirrored_name(point.landmark) == twin.landmark
+    np.testing.assert_array_equal(np.array(point.offset) * [1.0, -1.0, 1.0], twin.offset)
+    assert point.sigma == twin.sigma and all(0.005 < sigma < 0.05 for sigma in point.sigma)
+
+
+def test_points_are_where_they_are_on_a_person():
+    """In neutral, looking along x with the left at y: ears behind and beside the nose, toes ahead of heels."""
+    body, places = Configuration(HUMAN, State.neutral(HUMAN)), {}
+    for name, point in BLAZEPOSE.items():
+        row = HUMAN.landmark_index(point.landmark)
+        places[name] = body.landmarks_world[row] + body.Ts_world_link[HUMAN.landmark_links[row], :3, :3] @ point.offset
+    assert places["left_ear"][1] > 0.04 > -0.04 > places["right_ear"][1] and places["left_ear"][0] < places["nose"][0] - 0.05
+    for side in ("left", "right"):
+        assert places[f"{side}_foot_index"][0] > places[f"{side}_heel"][0] + 0.15
+        heights = [places[f"{side}_{name}"][2] for name in ("shoulder", "hip", "knee", "ankle", "heel")]
+        assert all(a > b for a, b in pairwise(heights))
+        assert np.linalg.norm(places[f"{side}_hip"] - body.landmarks_world[HUMAN.landmark_index(f"{side}_hip")]) < 0.06
+
+
+@pytest.mark.parametrize("share", [0.8, 1.0, 1.25])
+def test_size_is_that_of_trunk_and_leg(share):
+    assert relative_size(human_model(HumanMeasures.of_stature(share * HumanMeasures().stature))) == pytest.approx(share)
+
+
+def test_a_body_with_other_links_has_a_size_and_one_without_hips_that_of_the_default():
+    assert relative_size(HUMAN) == pytest.approx(1.0) and 0.8 < relative_size(ellipsoid_human()) < 1.2
+    assert relative_size(crane()) == 1.0
