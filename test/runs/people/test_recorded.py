@@ -96,7 +96,7 @@ def test_the_command(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["track", *clip.arguments(), *points]) == 0
     assert errors_m(clip, tmp_path / "run").mean() < 0.03
     assert main(["track", *clip.arguments(), "--keypoints-table", "t.yaml", "--output", str(tmp_path / "other")]) == 2
-    assert "--keypoints beside it" in capsys.readouterr().err
+    assert "field '--keypoints-table': expected --keypoints or" in capsys.readouterr().err
 
 
 def test_in_python_with_a_table_of_a_machine(tmp_path: Path) -> None:
