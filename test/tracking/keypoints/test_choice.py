@@ -1,0 +1,187 @@
+"""Who of the people in an image is the body, and whether left and right have been exchanged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from helpers.bodies.detected_people import HUMAN, NAMES, POINTS, person_at, places, posed, seen_by, standing, swapped, without
+from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.model.configuration import State
+from tracker_node.model.humans.keypoints import BLAZEPOSE
+from tracker_node.observation.keypoints.people import Person
+from tracker_node.tracking.config import KeypointConfig
+from tracker_node.tracking.keypoints.choice import _LEAST, PersonChoice
+from tracker_node.tracking.keypoints.modality import KeypointModality
+
+RIG = circle_rig(3)
+TRUE = standing(0.1, -0.1, 0.6, left_shoulder_elevation_front=50.0, right_hip_flexion=30.0, right_knee_flexion=40.0)
+AWAY = standing(1.0, 0.4, 2.0)
+
+
+class Start:
+    """Finds what it is told to."""
+
+    def __init__(self, state: State | None = None):
+        self.asked: list = []
+        self._state = state
+
+    def find(self, people):
+        self.asked.append(people)
+        return self._state
+
+
+def choice(start: Start | None = None) -> PersonChoice:
+    modality = KeypointModality(RIG, HUMAN, KeypointConfig(), BLAZEPOSE)
+    return PersonChoice(RIG, modality, start or Start())  # type: ignore[arg-type]
+
+
+def true_people(sigma_px: float = 2.0) -> list[Person]:
+    return seen_by(RIG, TRUE, np.random.default_rng(1), sigma_px)
+
+
+def test_the_body_is_found_wherever_it_stands_in_the_list():
+    people, others = true_people(), seen_by(RIG, AWAY)
+    lists = [(people[0], others[0]), (others[1], people[1]), (others[2], people[2], others[2])]
+    assert list(choice().choose(lists, TRUE)) == people
+
+
+def test_an_expectation_that_is_ten_centimeters_off_will_do():
+    people, others = true_people(), seen_by(RIG, AWAY)
+    near = State(TRUE.T_world_root.copy(), TRUE.joint_positions)
+    near.T_world_root[:3, 3] += (0.08, -0.06, 0.0)
+    assert list(choice().choose([(other, own) for own, other in zip(people, others, strict=True)], near)) == people
+
+
+def test_nobody_is_the_body_where_all_are_elsewhere():
+    others = seen_by(RIG, AWAY)
+    assert list(choice().choose([(others[0],), (), None], TRUE)) == [None, None, None]
+
+
+def test_without_a_detector_there_are_no_persons():
+    assert choice().choose((), TRUE) == ()
+
+
+def test_left_and_right_that_were_exchanged_are_exchanged_back():
+    people = true_people()
+    found = choice().choose([(swapped(people[0]),), (people[1],), (seen_by(RIG, AWAY)[2], swapped(people[2]))], TRUE)
+    for person, expected in zip(found, people, strict=True):
+        np.testing.assert_array_equal(person.pixels, expected.pixels)
+        np.testing.assert_array_equal(person.scores, expected.scores)
+        assert person.names == NAMES
+    assert found[1] is people[1]
+
+
+def test_covariances_are_exchanged_with_their_points():
+    person = true_people()[0]
+    own = np.arange(1.0, len(NAMES) + 1.0)[:, None, None] * np.eye(2)
+    (found, *_) = choice().choose([(swapped(replace(person, covariances=own)),), (), ()], TRUE)
+    assert found.covariances[NAMES.index("left_knee"), 0, 0] == 1.0 + NAMES.index("left_knee")
+    assert found.covariances[NAMES.index("nose"), 1, 1] == 1.0 + NAMES.index("nose")
+
+
+def in_the_middle() -> State:
+    """A body of which both sides are seen at nearly the same pixels, so that somebody flat is where it is expected."""
+    camera = RIG.cameras[0]
+    x, y = camera.center[:2]
+    return standing(0.0, 0.0, float(np.arctan2(y, x)) + 0.5 * np.pi)
+
+
+def flat(expected: State) -> Person:
+    """Somebody whose left and right are at one place: nothing tells a swap."""
+    person = seen_by(RIG, expected)[0]
+    return replace(person, pixels=0.5 * (person.pixels + swapped(person).pixels))
+
+
+def test_a_camera_that_swaps_goes_on_to_swap_for_a_while():
+    """Its log odds, ten at most, come down by 0.7 a set to those of before: -2."""
+    made, expected = choice(), in_the_middle()
+    ambiguous = flat(expected)
+    assert made.choose([(ambiguous,), (), ()], expected)[0] is ambiguous
+    made.choose([(swapped(true_people()[0]),), (), ()], TRUE)
+    odds, exchanged = 10.0, []
+    for _ in range(8):
+        odds = 0.7 * odds - 0.3 * 2.0
+        found = made.choose([(ambiguous,), (), ()], expected)[0]
+        exchanged.append(found is not ambiguous)
+        assert exchanged[-1] == (odds > 0.0), odds
+    assert exchanged == [True] * 5 + [False] * 3
+    made.choose([(swapped(true_people()[0]),), (), ()], TRUE)
+    made.reset()
+    assert made.choose([(ambiguous,), (), ()], expected)[0] is ambiguous
+
+
+def test_swaps_of_one_camera_are_not_those_of_another():
+    made, expected = choice(), in_the_middle()
+    made.choose([(), (swapped(true_people()[1]),), ()], TRUE)
+    ambiguous = flat(expected)
+    assert made.choose([(ambiguous,), (), ()], expected)[0] is ambiguous
+
+
+def by_hand(person: Person, i: int, expected: State) -> float:
+    """Sum over points of score times log of (85 % near, by 10 cm and the covariance; 15 % anywhere in four boxes)."""
+    camera, points = RIG.cameras[i], places(expected)
+    focal = camera.model.K[0, 0]
+    depths = [(camera.T_cam_world @ [*point, 1.0])[2] for point in points]
+    sigma_px = 0.10 * focal / np.median(depths)
+    left, top, right, bottom = person.box
+    total = 0.0
+    for name, place in zip(POINTS, points, strict=True):
+        row = NAMES.index(name)
+        S = person.covariances[row] + sigma_px**2 * np.eye(2)
+        e = person.pixels[row] - camera.project(place[None])[0][0]
+        density = np.exp(-0.5 * e @ np.linalg.solve(S, e)) / (2.0 * np.pi * np.sqrt(np.linalg.det(S)))
+        total += person.scores[row] * np.log(0.85 * density * 4.0 * (right - left) * (bottom - top) + 0.15)
+    return total
+
+
+@pytest.mark.parametrize("i", range(3))
+def test_people_are_compared_by_where_their_points_are_expected(i):
+    made, rng = choice(), np.random.default_rng(3)
+    modality = made._modality
+    person = replace(true_people(20.0)[i], scores=rng.uniform(0.2, 1.0, len(NAMES)))
+    person = replace(person, covariances=rng.uniform(1.0, 400.0, (len(NAMES), 1, 1)) * np.array([[1.0, 0.3], [0.3, 0.5]]))
+    points = modality.places(TRUE)
+    camera = RIG.cameras[i]
+    depth = np.median((points - camera.center) @ camera.T_world_cam[:3, 2])
+    pixels, seen = camera.project(points)
+    sigma_px = 0.10 * camera.model.K[0, 0] / depth
+    assert made._agreement(person, pixels, seen, sigma_px) == pytest.approx(by_hand(person, i, TRUE))
+    assert made._agreement(person, pixels, np.zeros_like(seen), sigma_px) == 0.0
+
+
+def test_somebody_is_the_body_as_long_as_that_is_likely_enough():
+    """Where exactly the log-likelihood ratio goes through its least as the body is expected farther and farther away."""
+    person, taken, ratios = true_people(0.0)[0], [], []
+    for x in np.linspace(0.0, 0.6, 31):
+        expected = State(TRUE.T_world_root.copy(), TRUE.joint_positions)
+        expected.T_world_root[:2, 3] += x * np.array([-np.sin(0.2), np.cos(0.2)])  # across the first camera's sight
+        taken.append(choice().choose([(person,), (), ()], expected)[0] is not None)
+        ratios.append(max(by_hand(person, 0, expected), by_hand(swapped(person), 0, expected)))
+    assert taken == [ratio > _LEAST * len(POINTS) for ratio in ratios]
+    assert all(taken[:6]) and not any(taken[20:])  # 10 cm off it is, 40 cm off it is not
+
+
+def test_points_that_were_not_found_do_not_matter():
+    """Wherever they are, or nowhere."""
+    some = without(true_people()[0], ("left_wrist", "nose"))
+    elsewhere = replace(some, pixels=np.nan_to_num(some.pixels, nan=-5000.0))
+    sure = replace(some, scores=np.where(np.array(NAMES) == "nose", 1.0, some.scores))
+    for person in (some, elsewhere, sure):
+        assert choice().choose([(person,), (), ()], TRUE)[0] is person
+
+
+def test_five_hundred_people_do_no_harm():
+    rng, camera = np.random.default_rng(2), RIG.cameras[0]
+    crowd = [person_at(camera, places(standing(*rng.uniform(0.7, 1.2, 2), rng.uniform(0.0, 6.0)))) for _ in range(500)]
+    crowd[333] = true_people()[0]
+    assert choice().choose([tuple(crowd), (), ()], TRUE)[0] is crowd[333]
+
+
+def test_the_beginning_is_that_of_the_start_and_swaps_are_forgotten():
+    state, people = posed(1), [(person,) for person in true_people()]
+    start = Start(state)
+    made = choice(start)
+    made._swaps[:] = 9.0
+    assert made.find(people) is state and start.asked == [people]
+    np.testing.assert_array_equal(made._swaps, -2.0)

@@ -1,0 +1,223 @@
+"""A first state from the points of one image set."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from helpers.bodies.detected_people import (
+    HUMAN,
+    NAMES,
+    POINTS,
+    off_m,
+    person_at,
+    places,
+    posed,
+    seen_by,
+    standing,
+    swapped,
+    without,
+)
+from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.keypoints import BLAZEPOSE
+from tracker_node.model.humans.measures import HumanMeasures
+from tracker_node.observation.keypoints.people import Person
+from tracker_node.tracking.config import TrackerConfig, from_dict
+from tracker_node.tracking.keypoints.fitting import KeypointFitting
+from tracker_node.tracking.keypoints.modality import KeypointModality
+from tracker_node.tracking.keypoints.start import PointStart, _focus, _mobility
+
+RIG = circle_rig(3)
+EXACT = {
+    "keypoints.offset_scale": 0.02, "keypoints.sigma_share": 0.003, "motion.neutral_angle": 0.02, "motion.stay_angle": 0.0,
+    "collision.enabled": False,
+}  # fmt: skip
+"""Offsets are known, and nothing else holds the body."""
+
+
+def config(**more) -> TrackerConfig:
+    return from_dict({"modalities": ["region", "keypoints"], **more})
+
+
+def starting(made: TrackerConfig | None = None, rig=RIG) -> PointStart:
+    made = made or config()
+    modality = KeypointModality(rig, HUMAN, made.keypoints, BLAZEPOSE)
+    return PointStart(rig, HUMAN, KeypointFitting(HUMAN, made, modality))
+
+
+def off_points_m(one: State, other: State) -> np.ndarray:
+    return np.linalg.norm(places(one) - places(other), axis=1)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_any_pose_is_found_within_millimeters_from_exact_points(seed):
+    true = posed(seed)
+    found = starting(config(**EXACT)).find([(person,) for person in seen_by(RIG, true)])
+    assert found is not None and off_points_m(found, true).max() < 0.003
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_with_noise_and_offsets_that_are_not_known_it_is_found_within_centimeters(seed):
+    rng, true = np.random.default_rng(seed), posed(seed)
+    offsets = {n: np.array(BLAZEPOSE[n].offset) + np.array(BLAZEPOSE[n].sigma) * rng.normal(size=3) for n in POINTS}
+    people = seen_by(RIG, true, rng, 2.0, offsets, stated_px=2.0)
+    found = starting().find([(without(person, ("nose",)),) for person in people])
+    assert found is not None and off_m(found, true).mean() < 0.03
+    assert off_m(found, true).max() < 0.12
+
+
+def test_a_camera_that_takes_left_for_right_does_no_harm():
+    true = posed(3)
+    people = seen_by(RIG, true)
+    people[1] = swapped(people[1])
+    found = starting(config(**EXACT)).find([(person,) for person in people])
+    assert found is not None and off_points_m(found, true).max() < 0.003
+
+
+def test_somebody_who_lies_or_stands_on_the_hands_is_found():
+    for tilt in ((1.5, 0.0, 0.3), (0.0, 2.9, 0.0)):
+        delta = np.zeros(HUMAN.n_dof)
+        delta[3:6] = tilt
+        true = standing(left_hip_flexion=30.0).retract(delta)
+        true.T_world_root[:3, 3] = 0.0, 0.0, 0.9
+        found = starting(config(**EXACT)).find([(person,) for person in seen_by(RIG, true)])
+        assert found is not None and off_points_m(found, true).max() < 0.003
+
+
+def test_cameras_look_where_their_axes_meet():
+    np.testing.assert_allclose(_focus(RIG), [0.0, 0.0, 1.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_people_the_one_where_the_cameras_look_is_the_body(order):
+    near, far = standing(0.2, 0.1, 0.6), standing(-0.7, 0.6, 2.0)
+    lists = [(one, other)[::order] for one, other in zip(seen_by(RIG, near), seen_by(RIG, far), strict=True)]
+    found = starting().find(lists)
+    assert found is not None and off_m(found, near).mean() < 0.03
+
+
+def test_somebody_whom_one_camera_less_sees_may_be_the_body_and_two_less_may_not():
+    rig = circle_rig(5)
+    near, far = standing(0.2, 0.1, 0.6), standing(-0.7, 0.6, 2.0)
+    one, other = seen_by(rig, near), seen_by(rig, far)
+    for missing, expected in ((1, near), (2, far)):
+        lists = [(b,) if i < missing else (a, b) for i, (a, b) in enumerate(zip(one, other, strict=True))]
+        found = starting(rig=rig).find(lists)
+        assert found is not None and off_m(found, expected).mean() < 0.03
+
+
+def test_somebody_of_another_size_is_not_the_body_though_they_stand_where_the_cameras_look():
+    child = human_model(HumanMeasures.of_stature(1.1))
+    near, far = standing(0.0, 0.1, 0.6, child), standing(-0.7, 0.6, 2.0)
+    near.T_world_root[2, 3] = 0.6
+    lists = list(zip(seen_by(RIG, near, model=child), seen_by(RIG, far), strict=True))
+    found = starting().find(lists)
+    assert found is not None and off_m(found, far).mean() < 0.03
+
+
+@pytest.mark.parametrize("seed", [1, 10, 34])
+def test_limbs_that_are_bent_far_are_reached(seed):
+    true = posed(seed, share=0.7)
+    found = starting(config(**EXACT)).find([(person,) for person in seen_by(RIG, true)])
+    assert found is not None and off_points_m(found, true).max() < 0.005
+
+
+def test_points_that_are_not_numbers_do_no_harm():
+    true = posed(5)
+    people = [without(person, ("left_wrist", "nose", "right_hip")) for person in seen_by(RIG, true)]
+    sure = [replace(person, scores=np.where(np.array(NAMES) == "nose", 1.0, person.scores)) for person in people]
+    for given in (people, sure):
+        found = starting(config(**EXACT)).find([(person,) for person in given])
+        assert (
+            found is not None and off_points_m(found, true)[[POINTS.index("left_knee"), POINTS.index("right_elbow")]].max() < 0.01
+        )
+
+
+def test_somebody_who_suits_the_body_is_taken_in_place_of_who_does_not():
+    """The first group is of points that meet in space, but have no person's shape."""
+    rng, true = np.random.default_rng(6), standing(0.0, 0.3)
+    cloud = rng.uniform([-0.9, -0.9, 0.2], [0.9, 0.9, 1.9], (len(POINTS), 3))
+    people = seen_by(RIG, true)
+    strangers = [person_at(camera, cloud) for camera in RIG]
+    found = starting().find([(strangers[0], people[0]), (people[1], strangers[1]), (strangers[2],)])
+    assert found is not None and off_m(found, true).mean() < 0.03
+    assert starting().find([(person,) for person in strangers]) is None
+
+
+def test_one_camera_does_not_tell_where_anybody_is():
+    people = seen_by(RIG, standing())
+    assert starting().find([(people[0],), (), None]) is None
+    assert starting().find([(people[0], people[0]), None, None]) is None
+    assert starting().find([]) is None and starting().find([None, None, None]) is None
+
+
+def test_two_cameras_do():
+    true = standing(0.1, 0.2, 1.0, left_shoulder_elevation_front=40.0)
+    people = seen_by(RIG, true)
+    found = starting().find([(people[0],), (people[1],), None])
+    assert found is not None and off_m(found, true).mean() < 0.04
+
+
+def test_a_body_is_placed_by_four_points_at_least():
+    """Where less than four of the body's points are seen by two cameras, others being none of its own."""
+    true = standing()
+    people = seen_by(RIG, true)
+    table = {name: BLAZEPOSE[name] for name in ("left_hip", "right_hip", "left_shoulder")}
+    made = config()
+    modality = KeypointModality(RIG, HUMAN, made.keypoints, table)
+    start = PointStart(RIG, HUMAN, KeypointFitting(HUMAN, made, modality))
+    assert start.find([(person,) for person in people]) is None
+    four = {**table, "right_shoulder": BLAZEPOSE["right_shoulder"]}
+    modality = KeypointModality(RIG, HUMAN, made.keypoints, four)
+    found = PointStart(RIG, HUMAN, KeypointFitting(HUMAN, made, modality)).find([(person,) for person in people])
+    assert found is not None
+    trunk = [HUMAN.landmark_index(name) for name in four]
+    assert off_m(found, true)[trunk].mean() < 0.03
+
+
+def test_points_that_joints_move_little_are_the_steadiest():
+    modality = KeypointModality(RIG, HUMAN, config().keypoints, BLAZEPOSE)
+    moved = dict(zip(modality.names, _mobility(HUMAN, modality.offsets.body), strict=True))
+    for side in ("left", "right"):
+        assert moved[f"{side}_hip"] < moved[f"{side}_knee"] < moved[f"{side}_ankle"]
+        assert moved[f"{side}_shoulder"] < moved[f"{side}_elbow"] < moved[f"{side}_wrist"]
+    steady = sorted(moved, key=moved.__getitem__)[:4]
+    assert set(steady) == {"left_hip", "right_hip", "left_shoulder", "right_shoulder"}
+
+
+def test_how_far_a_point_moves_by_differences():
+    """Root of the sum of squares over joints of: meters a radian, times the joint's range, half a turn at most."""
+    modality = KeypointModality(RIG, HUMAN, config().keypoints, BLAZEPOSE)
+    body, chain, neutral = modality.offsets.body, HUMAN.chain, State.neutral(HUMAN)
+
+    def at(state: State) -> np.ndarray:
+        T = Configuration(HUMAN, state).Ts_world_link[body.links]
+        return np.einsum("nij,nj->ni", T[:, :3, :3], body.positions + body.means) + T[:, :3, 3]
+
+    squares = np.zeros(len(body))
+    for axis in range(chain.n_axes):
+        step = np.zeros(HUMAN.n_dof)
+        step[6 + axis] = 1e-5
+        slope = np.linalg.norm(at(neutral.retract(step)) - at(neutral.retract(-step)), axis=1) / 2e-5
+        squares += (slope * min(chain.upper[axis] - chain.lower[axis], np.pi)) ** 2
+    np.testing.assert_allclose(_mobility(HUMAN, body), np.sqrt(squares), rtol=1e-4, atol=1e-9)
+
+
+def elsewhere(person: Person, names: tuple[str, ...], rng: np.random.Generator) -> Person:
+    """Some of the points anywhere around where they are."""
+    rows = [NAMES.index(name) for name in names]
+    pixels = person.pixels.copy()
+    pixels[rows] += rng.uniform(60.0, 200.0, (len(rows), 2)) * rng.choice([-1.0, 1.0], (len(rows), 2))
+    return replace(person, pixels=pixels)
+
+
+def test_half_of_the_points_have_to_be_no_outliers():
+    true, rng = standing(), np.random.default_rng(2)
+    few = tuple(name for name in POINTS if name.endswith(("nose", "ear", "elbow", "wrist")))
+    found = starting().find([(elsewhere(person, few, rng),) for person in seen_by(RIG, true)])
+    assert found is not None
+    legs = [HUMAN.landmark_index(f"{side}_{name}") for side in ("left", "right") for name in ("hip", "knee", "ankle")]
+    assert off_m(found, true)[legs].mean() < 0.05
+    assert starting().find([(elsewhere(person, POINTS[3:], rng),) for person in seen_by(RIG, true)]) is None
