@@ -204,8 +204,44 @@ def test_a_real_person(shared_data):
 
 
 def test_lengths_are_as_wrong_as_left_and_right_differ():
+    """Each pair of sides counts once, and a quarter of one says 15 mm."""
     even = {"left_thigh": 0.4, "right_thigh": 0.4, "left_shank": 0.42, "right_shank": 0.42, "trunk": 0.5}
-    assert error_of_lengths(even) < 0.006
+    assert error_of_lengths(even) == pytest.approx(0.015 * np.sqrt(0.25 / 2.25))
     uneven = {**even, "right_thigh": 0.43, "right_shank": 0.39}
-    assert error_of_lengths(uneven) == pytest.approx(0.0205, abs=1e-3)
-    assert error_of_lengths({"trunk": 0.5}) == pytest.approx(0.015)
+    assert error_of_lengths(uneven) == pytest.approx(np.sqrt((0.25 * 0.015**2 + 2 * 0.5 * 0.03**2) / 2.25))
+    assert error_of_lengths({**uneven, "left_forearm": 0.3, "right_upper_arm": 0.1}) == error_of_lengths(uneven)
+    assert error_of_lengths({"trunk": 0.5}) == error_of_lengths({"left_thigh": 0.4, "right_shank": 0.9}) == pytest.approx(0.015)
+
+
+def test_a_trial_whose_sides_agree_is_believed():
+    """Forearms a fifth longer than expected: by how far left and right differ, their length is taken or not."""
+    lengths = []
+    for right in (1.2, 1.1):
+        scales = {"left_forearm": LinkScale((1, 1, 1.2), (1, 1, 1.2)), "right_forearm": LinkScale((1, 1, right), (1, 1, right))}
+        fit = scale_to_trial(HUMAN, trial(scaled_by_link(HUMAN, scales)))
+        own = next(segment for segment in fit.segments if segment.name == "left_forearm")
+        lengths.append((own.used_m - own.expected_m) / (own.measured_m - own.expected_m))
+    assert lengths[0] > 0.9 and lengths[1] < lengths[0] - 0.1
+
+
+def test_landmarks_that_are_no_joints_do_not_pull_the_trials_pose():
+    """Toes, heels and nose are 5 cm off: joints stay where they are, and the landmarks go where the trial has them."""
+    markers = trial(HUMAN)
+    beside = [markers.index(name) for name in ("LBigToe", "RBigToe", "LHeel", "RHeel", "Nose", "Head")]
+    positions = markers.positions_m.copy()
+    positions[:, beside] += [0.03, 0.03, 0.03]
+    fit = scale_to_trial(HUMAN, MarkerTrajectories(markers.names, markers.times_s, positions, 60.0, markers.valid))
+    true = markers.positions_m[0]
+    found = Configuration(fit.model, fit.states[0]).landmarks_world
+    for joint in ("left_hip", "right_knee", "left_ankle", "right_shoulder", "left_wrist"):
+        off = np.linalg.norm(found[HUMAN.landmark_index(joint)] - true[markers.index(MARKER_OF_LANDMARK[joint])])
+        assert off < 0.006, joint
+    state = pose_trial(HUMAN, markers, weights={"left_wrist": 0.0})[0]
+    moved = pose_trial(HUMAN, _shifted(markers, "LWrist"), weights={"left_wrist": 0.0})[0]
+    np.testing.assert_allclose(moved.to_values(), state.to_values(), atol=1e-6)
+
+
+def _shifted(markers: MarkerTrajectories, name: str) -> MarkerTrajectories:
+    positions = markers.positions_m.copy()
+    positions[:, markers.index(name)] += 0.2
+    return MarkerTrajectories(markers.names, markers.times_s, positions, 60.0, markers.valid)

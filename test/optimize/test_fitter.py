@@ -155,6 +155,24 @@ def test_what_others_say_has_no_part_in_the_comparison_of_cameras():
     np.testing.assert_allclose(found.state.difference(START)[6:], share * GOAL.difference(START)[6:], atol=1e-6)
 
 
+def test_what_is_independent_counts_in_full_and_others_share():
+    """Leading and other correspondences count half each, and what sees something else wholly."""
+    found = fit([Stage(None, EXACT)], others=[Parabola(START, 3.0)], independent=[Parabola(START, 5.0), Parabola(GOAL, 1.0)])
+    share = (0.5 + 1.0) / (0.5 + 1.5 + 5.0 + 1.0)
+    np.testing.assert_allclose(found.state.difference(START)[6:], share * GOAL.difference(START)[6:], atol=1e-6)
+    alone = fit([Stage(None, EXACT)], independent=[Parabola(START, 1.0)])
+    np.testing.assert_allclose(alone.state.difference(START)[6:], 0.5 * GOAL.difference(START)[6:], atol=1e-6)
+    np.testing.assert_allclose(np.diag(alone.equations.H)[6:], 2.0 * WEIGHTS[6:])
+    assert alone.correspondences.goal is not START
+
+
+def test_what_is_independent_has_no_part_in_the_comparison_of_cameras():
+    prior, seen = Prior(START, WEIGHTS), Parabola(START, 5.0)
+    found = fit([Stage(None, damping=1e-12, compares=True)], priors=[prior], independent=[seen])
+    np.testing.assert_allclose(np.diag(found.comparison.equations.H)[6:], 2.0 * WEIGHTS[6:])
+    np.testing.assert_allclose(found.state.difference(START)[6:], GOAL.difference(START)[6:] / 7.0, atol=1e-6)
+
+
 @pytest.mark.parametrize("solver", [EXACT, None])
 @pytest.mark.parametrize("stage", stages_of(CHAIN), ids=lambda stage: stage.name)
 def test_a_stage_moves_its_degrees_of_freedom_alone(stage, solver):

@@ -6,7 +6,17 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.tracking.config import ALONE, JOINT, MIXED, TrackerConfig, describe, flatten, from_dict, updated
+from tracker_node.tracking.config import (
+    ALONE,
+    JOINT,
+    MIXED,
+    TrackerConfig,
+    checked_combination,
+    describe,
+    flatten,
+    from_dict,
+    updated,
+)
 from tracker_node.tracking.parameters import numbers, value_of
 from tracker_node.tracking.renamed import RENAMED, migrated
 
@@ -172,3 +182,21 @@ def test_mistakes_are_named(values, field, valid):
         from_dict(values, "my.yaml")
     assert (caught.value.file, caught.value.field) == ("my.yaml", field)
     assert valid in str(caught.value)
+
+
+@pytest.mark.parametrize("modalities", [["keypoints"], ["region", "keypoints"], ["keypoints", "region"]])
+def test_points_are_compared_alone_or_with_regions(modalities):
+    config = from_dict({"modalities": modalities})
+    assert {"keypoints.wobble_m", "motion.neutral_angle", "collision.enabled"} <= describe(config).keys()
+    assert checked_combination(config, "my.yaml") is config
+    assert ("region.scales" in describe(config)) is ("region" in modalities)
+
+
+@pytest.mark.parametrize(
+    "modalities",
+    [["keypoints", "chamfer"], ["region", "chamfer", "keypoints"], ["keypoints", "color"], ["keypoints", "region", "texture"]],
+)
+def test_points_with_anything_else_are_refused(modalities):
+    with pytest.raises(FileFormatError, match="keypoints alone, or with region") as caught:
+        from_dict({"modalities": modalities}, "my.yaml")
+    assert (caught.value.file, caught.value.field) == ("my.yaml", "modalities")

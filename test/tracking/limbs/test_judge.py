@@ -119,6 +119,67 @@ def test_information_on_a_lost_limb_is_not_believed():
     assert (share[~own] == 1.0).all() and (share[own] < 0.3).all()
 
 
+def beside(**odds: float) -> np.ndarray:
+    return np.array([odds.get(name, 0.0) for name in NAMES])
+
+
+def told_beside(judge: LimbJudge, seen: PartEvidence, others: np.ndarray, sets: int = 1) -> dict[str, LimbReport]:
+    for _ in range(sets):
+        reports = judge.update(seen, STATE, None, others)
+    return {one.name: one for one in reports}
+
+
+def stepped(p: float, odds: float, config: StatusConfig) -> float:
+    """One image set: the limb may have got lost or been found, then the odds."""
+    p = p * (1.0 - config.limb_recovery) + (1.0 - p) * config.limb_loss
+    return 1.0 / (1.0 + (1.0 - p) / p * np.exp(-odds))
+
+
+def test_points_say_which_limb_it_is_and_outlines_count_little_beside_them():
+    """An arm of whose outline nothing is found adds 1 to the log odds, and one that is well found takes 1 off."""
+    config = StatusConfig()
+    for close, outline in ((0.0, 1.0), (0.85, -1.0)):
+        judge = LimbJudge(MODEL, config)
+        told(judge, evidence(), 20)
+        judge.probabilities[:] = 0.1
+        seen = evidence(left_forearm=close, left_shank=None, trunk=0.85)
+        found = told_beside(judge, seen, beside(left_forearm=-2.0, left_shank=3.0))
+        assert judge.probabilities[1] == pytest.approx(stepped(0.1, outline - 2.0, config))
+        assert judge.probabilities[2] == pytest.approx(stepped(0.1, 3.0, config))  # of which no outline is to be seen
+        assert found["left_shank"].status is not LimbStatus.UNSEEN
+
+
+def test_limbs_without_other_evidence_are_judged_by_outlines_alone():
+    one, other = LimbJudge(MODEL, StatusConfig()), LimbJudge(MODEL, StatusConfig())
+    told(one, evidence(), 10)
+    told(other, evidence(), 10)
+    seen = evidence(left_shank=0.3, right_shank=None)
+    told(one, seen)
+    found = told_beside(other, seen, beside(left_forearm=1.5))
+    np.testing.assert_array_equal(np.delete(one.probabilities, 1), np.delete(other.probabilities, 1))
+    assert other.probabilities[1] > one.probabilities[1] and found["right_shank"].status is LimbStatus.UNSEEN
+    assert told_beside(other, seen, np.zeros(5))["right_shank"].status is LimbStatus.UNSEEN
+
+
+def test_a_set_of_points_and_outlines_cannot_say_more_than_the_limit():
+    config = replace(StatusConfig(), evidence_limit=1.5, limb_loss=1e-6, limb_recovery=0.0)
+    judge = LimbJudge(MODEL, config)
+    told(judge, evidence())
+    judge.probabilities[:] = [1e-4, 0.2, 1e-4, 1e-4, 1e-4]
+    told_beside(judge, evidence(), beside(left_forearm=6.0))
+    assert judge.probabilities[1] / (1.0 - judge.probabilities[1]) == pytest.approx(0.25 * np.exp(1.5), rel=1e-3)
+
+
+def test_whoever_says_more_of_a_lost_limb_is_named():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    found = told_beside(judge, evidence(left_shank=0.1), beside(left_forearm=6.0, left_shank=0.5), 4)
+    assert found["left_forearm"].reason == "its points are elsewhere"
+    assert "10 % of its outline" in found["left_shank"].reason
+    hidden = told_beside(judge, evidence(right_shank=None), beside(right_shank=6.0), 4)["right_shank"]
+    assert hidden.status is LimbStatus.LOST and hidden.reason == "its points are elsewhere"
+
+
 def report(status, name="x"):
     return LimbReport(name, status, "why", 0.5)
 
