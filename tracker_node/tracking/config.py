@@ -197,7 +197,7 @@ class MotionConfig:
     joint_noise: float = parameter(25.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
     root_position_time_constant_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3, of=GEOMETRIC)
     root_angle_time_constant_s: float = parameter(
-        0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3, of=CONTOURS
+        0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3, of=GEOMETRIC
     )
     joint_time_constant_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3, of=GEOMETRIC)
     smoother_noise: float = parameter(
@@ -215,13 +215,13 @@ class MotionConfig:
         0.9, "share of a joint velocity kept in the prediction by such engines; of any velocity, by a lost body", "1", 0.0, 1.0
     )
     stay_position: float = parameter(
-        0.0, "weight of the prior at the root position given, on the first image set", "px^2/m^2", 0.0, 1e12, of=CONTOURS
+        0.0, "weight of the prior at the root position given, on the first image set", "px^2/m^2", 0.0, 1e12, of=GEOMETRIC
     )
     stay_angle: float = parameter(
-        200.0, "weight of the prior at the angles given, on the first image set", "px^2/rad^2", 0.0, 1e12, of=CONTOURS
+        200.0, "weight of the prior at the angles given, on the first image set", "px^2/rad^2", 0.0, 1e12, of=GEOMETRIC
     )
     neutral_angle: float = parameter(
-        1.0, "multiplies the stiffness of the model's axes (prior at their neutral angles)", "px^2", 0.0, 1e12, of=CONTOURS
+        1.0, "multiplies the stiffness of the model's axes (prior at their neutral angles)", "px^2", 0.0, 1e12, of=GEOMETRIC
     )
 
 
