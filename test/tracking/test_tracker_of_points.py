@@ -1,0 +1,223 @@
+"""The whole core on the points of a detector: own start, motion, what is lost and found, late cameras, where to look next."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from helpers.bodies.detected_people import (
+    HUMAN,
+    POINTS,
+    image_set,
+    off_m,
+    person_at,
+    places,
+    seen_by,
+    standing,
+    swapped,
+    without,
+)
+from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.humans.keypoint_tables import COCO_17
+from tracker_node.observation.image_set import ImageSet
+from tracker_node.tracking.config import from_dict
+from tracker_node.tracking.estimate import Status, TrackEstimate
+from tracker_node.tracking.keypoints.crops import crops_of
+from tracker_node.tracking.tracker import Tracker
+
+RIG, PERIOD_NS = circle_rig(3), 33_333_333
+QUICK = {"modalities": ["keypoints"], "initialization.enabled": False}
+SMALL = np.full((480, 640, 3), 90, np.uint8)
+
+
+def state(t: float, x: float = 0.0) -> State:
+    """Walking 1 m/s while the arms and a knee swing."""
+    swing = 40.0 * np.sin(5.0 * t)
+    return standing(
+        x + 1.0 * t - 0.3, 0.1, 0.5 + t, left_shoulder_elevation_front=30.0 + swing, right_shoulder_elevation_front=30.0 - swing,
+        left_hip_flexion=15.0 + 0.5 * swing, left_knee_flexion=25.0, right_elbow_flexion=40.0 + swing,
+    )  # fmt: skip
+
+
+def people(i: float, x: float = 0.0, sigma_px: float = 1.0) -> list[tuple]:
+    rng = np.random.default_rng([round(1000 * i), 1])
+    return [(person,) for person in seen_by(RIG, state(i * PERIOD_NS * 1e-9, x), rng, sigma_px)]
+
+
+def shot(i: float, found: Sequence | None = None) -> ImageSet:
+    return image_set(RIG, list(people(i) if found is None else found), round(i * PERIOD_NS), SMALL)
+
+
+def true(i: float, x: float = 0.0) -> State:
+    return state(i * PERIOD_NS * 1e-9, x)
+
+
+def tracker(start: State | None = None, rig=RIG, **more) -> Tracker:
+    return Tracker(rig, HUMAN, from_dict({**QUICK, **more}), None, start)
+
+
+def errors(estimates: Sequence[TrackEstimate], x: float = 0.0) -> np.ndarray:
+    return np.array([off_m(estimate.state, true(i, x)).mean() for i, estimate in enumerate(estimates)])
+
+
+@pytest.fixture(scope="module")
+def followed() -> list[TrackEstimate]:
+    made = tracker()
+    return [made.step(shot(i)) for i in range(15)]
+
+
+def test_a_body_that_nobody_has_told_anything_of_is_tracked_from_the_first_set_on(followed):
+    assert [estimate.status for estimate in followed] == [Status.TRACKING] * 15
+    assert errors(followed).max() < 0.03
+    assert errors(followed)[-5:].mean() < errors(followed)[0]
+    for estimate in followed:
+        assert [camera.samples for camera in estimate.cameras] == [len(POINTS)] * 3 and 0.3 < estimate.residual < 4.0
+
+
+def test_motion_is_followed(followed):
+    step = true(14).difference(true(13)) / (PERIOD_NS * 1e-9)
+    np.testing.assert_allclose(followed[-1].velocity[:3], step[:3], atol=0.25)
+
+
+def test_the_same_points_give_the_same_bits_whatever_the_number_of_threads_and_after_a_reset(followed):
+    made = tracker(threads=1)
+    for _ in range(2):
+        again = [made.step(shot(i)) for i in range(6)]
+        for one, other in zip(again, followed, strict=False):
+            np.testing.assert_array_equal(one.state.to_values(), other.state.to_values())
+            np.testing.assert_array_equal(one.covariance, other.covariance)
+        made.reset()
+
+
+def test_without_people_nothing_is_known_and_somebody_who_comes_is_found():
+    made, nobody = tracker(), [()] * 3
+    assert made.step(shot(0, nobody)).status is Status.INITIALIZING
+    alone = [people(1)[0], (), None]
+    assert made.step(shot(1, alone)).status is Status.INITIALIZING
+    assert made.expected_crops(2 * PERIOD_NS) == [None] * 3
+    found = made.step(shot(2))
+    assert found.status is Status.TRACKING and off_m(found.state, true(2)).mean() < 0.03
+
+
+def test_a_lost_body_is_found_by_points_after_two_sets():
+    """It is somewhere else at once: for two sets nobody believes that, then it is the body."""
+    made, elsewhere = tracker(true(0)), 1.5
+    for i in range(4):
+        assert made.step(shot(i)).status is Status.TRACKING
+    statuses = []
+    for i in range(4, 8):
+        estimate = made.step(shot(i, people(i, elsewhere)))
+        statuses.append(estimate.status)
+        crops = made.expected_crops((i + 1) * PERIOD_NS)
+        assert (crops == [None] * 3) is (estimate.status is Status.LOST)
+    assert statuses == [Status.LOST, Status.LOST, Status.TRACKING, Status.TRACKING]
+    assert off_m(estimate.state, true(7, elsewhere)).mean() < 0.03
+
+
+def test_a_few_sets_without_people_are_bridged():
+    made = tracker(true(0))
+    for i in range(8):
+        made.step(shot(i))
+    missed = made.step(shot(8, [None] * 3))
+    assert missed.status is Status.LOST and missed.status_reason == "0 points of the body are found"
+    assert off_m(missed.state, true(8)).mean() < 0.06  # as it is expected
+    assert made.step(shot(9)).status is Status.TRACKING
+
+
+def test_detectors_are_sent_where_the_body_is_expected(followed):
+    made = tracker(true(0))
+    assert made.expected_crops(0) == crops_of(HUMAN, RIG, true(0))
+    for i in range(8):
+        made.step(shot(i))
+    for crop, there in zip(made.expected_crops(9 * PERIOD_NS), crops_of(HUMAN, RIG, true(9)), strict=True):
+        np.testing.assert_allclose(crop.center, there.center, atol=12.0)
+        assert crop.size == pytest.approx(there.size, rel=0.1)
+
+
+def test_another_person_and_swaps_do_no_harm(followed):
+    """Somebody else walks by in all cameras, and one camera takes left for right in every set."""
+    made, estimates = tracker(true(0)), []
+    for i in range(12):
+        other = seen_by(RIG, standing(0.8 - 0.05 * i, -0.5, 2.0))
+        seen = [(b, *a)[:: 1 if i % 2 else -1] for a, b in zip(people(i), other, strict=True)]
+        seen[1] = tuple(swapped(person) for person in seen[1])
+        estimates.append(made.step(shot(i, seen)))
+    assert {estimate.status for estimate in estimates} == {Status.TRACKING}
+    assert errors(estimates).max() < 0.035
+
+
+def test_cameras_that_expose_late_are_taken_when_they_do():
+    """Half a period late, at 1 m/s, a camera sees the body 17 mm farther: as if nothing was known of it, errors are larger."""
+    results = []
+    for told in (True, False):
+        made, estimates = tracker(true(0), **{"keypoints.offset_scale": 0.01}), []
+        for i in range(14):
+            exact = [(person,) for person in seen_by(RIG, true(i))]
+            exact[1] = (seen_by(RIG, true(i + 0.5))[1],)
+            given = shot(i, exact)
+            late = replace(given.images[1], stamp_ns=round((i + 0.5) * PERIOD_NS))
+            first, in_time, last = given.images
+            estimates.append(made.step(replace(given, images=(first, late if told else in_time, last))))
+        results.append(errors(estimates)[6:].mean())
+    assert results[0] < 0.6 * results[1]
+
+
+def test_squared_errors_are_so_much_larger_than_fits_say(followed):
+    made = tracker(**{"keypoints.error_scale": 6.0})
+    for i, before in enumerate(followed[:4]):
+        wide = made.step(shot(i))
+        np.testing.assert_array_equal(wide.state.to_values(), before.state.to_values())
+        np.testing.assert_allclose(wide.covariance, 3.0 * before.covariance, rtol=1e-9)
+        np.testing.assert_allclose(wide.information, before.information / 3.0, rtol=1e-9)
+        assert wide.pull is None
+
+
+def test_a_set_without_points_says_nothing_that_is_scaled():
+    made = tracker(true(0))
+    made.step(shot(0))
+    assert made.step(shot(1, [None] * 3)).information is None
+
+
+def test_covariances_are_honest():
+    """Over many starts: mean squared errors of joints, in variances that the covariance says, without the factor for clothes."""
+    ratios = []
+    rows = [HUMAN.landmark_index(f"{s}_{j}") for s in ("left", "right") for j in ("shoulder", "elbow", "hip", "knee", "ankle")]
+    for seed in range(25):
+        rng, body = np.random.default_rng(seed), state(0.3)
+        offsets = {}
+        made = tracker(body, **{"keypoints.error_scale": 1.0, "keypoints.outlier_fraction": 1e-4, "keypoints.sigma_share": 1e-3})
+        points = made._track.engine.modalities[0].offsets.body
+        for k, name in enumerate(made._track.engine.modalities[0].names):
+            offsets[name] = points.means[k] + np.sqrt(np.diag(points.covariances[k])) * rng.normal(size=3)
+        seen = [(person,) for person in seen_by(RIG, body, rng, 3.0, offsets, stated_px=3.0)]
+        estimate = made.step(shot(0, seen))
+        where = Configuration(HUMAN, estimate.state)
+        J = where.landmark_jacobian()[rows]
+        e = where.landmarks_world[rows] - Configuration(HUMAN, body).landmarks_world[rows]
+        variances = np.trace(J @ estimate.covariance @ np.swapaxes(J, 1, 2), axis1=1, axis2=2)
+        ratios.append((e**2).sum(axis=1).sum() / variances.sum())
+    assert 0.5 < np.mean(ratios) < 1.5  # the neutral pose is a prior, which the body is not drawn from
+
+
+def test_points_of_another_detector_come_with_their_table():
+    made = Tracker(RIG, HUMAN, from_dict(QUICK), None, None, None, COCO_17)
+    offsets = {name: np.array(COCO_17[name].offset) if name in COCO_17 else np.zeros(3) for name in POINTS}
+    for i in range(3):
+        seen = [(without(person, ("left_heel", "right_heel")),) for person in seen_by(RIG, true(i), offsets=offsets)]
+        estimate = made.step(shot(i, seen))
+    assert estimate.status is Status.TRACKING
+    assert [camera.samples for camera in estimate.cameras] == [len(COCO_17)] * 3
+
+
+def test_hundreds_of_people_in_every_image_do_no_harm():
+    rng, made = np.random.default_rng(1), tracker()
+    for i in range(2):
+        crowd = []
+        for camera, (own,) in zip(RIG, people(i), strict=True):
+            crowd_at = [standing(*rng.uniform(0.7, 1.2, 2), rng.uniform(0.0, 6.0)) for _ in range(150)]
+            others = [person_at(camera, places(each), score=0.05) for each in crowd_at]
+            crowd.append((*others, own))
+        estimate = made.step(shot(i, crowd))
+    assert estimate.status is Status.TRACKING and off_m(estimate.state, true(1)).mean() < 0.03
