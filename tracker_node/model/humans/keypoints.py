@@ -47,7 +47,7 @@ def _both_sides(rows: Mapping[str, LandmarkPoint]) -> dict[str, LandmarkPoint]:
 
 
 # Means and spreads over eight rendered people in clothes, both sides together, of a body of the default size; a point's place
-# relative to the joint's center of their skeletons (`benchmark/clothed/offsets.py`). Spreads are a quarter larger than measured.
+# relative to the joint's center of their skeletons (`benchmark/clothed/_fit.py`). Spreads are a quarter larger than measured.
 BLAZEPOSE: KeypointTable = {
     "nose": LandmarkPoint("nose", (-0.025, 0.000, 0.009), (0.017, 0.018, 0.010)),
     "left_ear": LandmarkPoint("nose", (-0.096, 0.052, 0.015), (0.010, 0.012, 0.010)),

@@ -2,7 +2,7 @@
 
 The shapes are those of an average body without clothes, and its joints not quite where those of a skeleton are: on eight rendered
 people in clothes contours lay so far outside of each shape, and beside it in the axes of its link
-(`benchmark/clothed/offsets.py`). Meters, of a body of the default size; spreads are a quarter larger than measured.
+(`benchmark/clothed/_fit.py`). Meters, of a body of the default size; spreads are a quarter larger than measured.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ _SAME_PERSON = 0.3  # overlap of two boxes (intersection over union) of one pers
 _ROUNDS = 3  # of the detector, each without the people of those before: it hardly sees smaller ones beside a large one
 _MARGIN = 1.25  # of the crop around the circle
 # Errors of the points in cells have the variance `_SPREAD` m S where the second moments of a map are S, of mean m: one that
-# is twice as wide is four times as wrong. Measured on eight rendered people in clothes (`benchmark/clothed/offsets.py`)
+# is twice as wide is four times as wrong. Measured on eight rendered people in clothes (`benchmark/clothed/_fit.py`)
 _SPREAD = 0.156
 
 

@@ -1,0 +1,160 @@
+"""Tables of a clothed person, from training clips: offsets of a detector's points, and where surfaces are beside the shapes.
+
+    python -m benchmark.clothed._fit DRAWN/clip_1 ... DRAWN/clip_8
+
+prints the rows of `tracker_node.model.humans.keypoints.BLAZEPOSE` and of `tracker_node.model.humans.surfaces`, means and standard
+deviations over the clips and both sides, of a body of the default size; and the spread of heat maps beside that of errors, which
+`observation.keypoints.blazepose` is calibrated by. Clips that anything is judged on have no part in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from benchmark.clothed._people import KeptPeople
+from benchmark.clothed._recording import ClothedClip, load_clip
+from benchmark.clothed._runs import TOGETHER, settings
+from tracker_node.calibration.pose import fit_state_to_landmarks
+from tracker_node.loaders.pose_weights import pose_weights
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.humans.keypoints import BLAZEPOSE, relative_size
+from tracker_node.objective.lines.surfaces import N_UNKNOWNS, Surfaces
+from tracker_node.observation.image_set import ImageSet
+from tracker_node.tracking.keypoints.modality import points_of
+from tracker_node.tracking.region.modality import RegionModality
+from tracker_node.tracking.tracker import Tracker
+
+_EVERY = 3  # image sets from one that is measured to the next
+_WIDE_M = 0.04  # prior of the unknowns of a surface while they are measured
+
+
+def tracked(clip: ClothedClip, people: KeptPeople) -> Iterator[tuple[ImageSet, State, Tracker]]:
+    """Every few image sets with people, the true state, and the tracker that has seen it."""
+    tracker, state = Tracker(clip.rig, clip.model, settings(TOGETHER, ()), None, clip.start()), None
+    for row, image_set in enumerate(clip.sets()):
+        image_set, _ = people.with_people(tracker, image_set)
+        tracker.step(image_set)
+        state = fit_state_to_landmarks(clip.model, clip.targets[row], state).state
+        if row % _EVERY == 0:
+            yield image_set, state, tracker
+
+
+class PointOffsetFit:
+    """Offsets of the points of one clip, robust least squares over cameras and image sets."""
+
+    def __init__(self, clip: ClothedClip):
+        self.clip = clip
+        self.names, self.body = points_of(clip.model, BLAZEPOSE)
+        self._seen: list[list[tuple]] = [[] for _ in self.names]
+
+    def add(self, image_set: ImageSet, state: State) -> None:
+        """Take the first person of each camera, in crops of which there is one.
+
+        Parameters
+        ----------
+        image_set : with people.
+        state : the true one.
+        """
+        Ts = Configuration(self.clip.model, state).Ts_world_link
+        for image in image_set.images:
+            for person in (image.people or ())[:1]:
+                size = max(person.box[2] - person.box[0], person.box[3] - person.box[1])
+                for k, name in enumerate(self.names):
+                    j = person.names.index(name)
+                    spread = np.sqrt(0.5 * np.trace(person.covariances[j])) / size
+                    seen = self.clip.rig[image.camera], Ts[self.body.links[k]], person.pixels[j], person.scores[j], size, spread
+                    self._seen[k].append(seen)
+
+    def fitted(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3) offsets of a body of the default size, and (m, 3): errors (u, v) and stated spreads, in sizes of the person."""
+        offsets, errors = np.zeros((len(self.names), 3)), []
+        for k, seen in enumerate(self._seen):
+            found = least_squares(lambda o, k=k: self._residuals(k, o).ravel() / 0.02, self.body.means[k], loss="soft_l1")
+            offsets[k] = found.x
+            residuals = self._residuals(k, found.x)
+            errors += [(*residual, each[5]) for residual, each in zip(residuals, seen, strict=True) if each[3] > 0.5]
+        return offsets / relative_size(self.clip.model), np.array(errors)
+
+    def _residuals(self, k: int, offset: np.ndarray) -> np.ndarray:
+        result = []
+        for camera, T, pixel, score, size, _ in self._seen[k]:
+            place = T[:3, :3] @ (self.body.positions[k] + offset) + T[:3, 3]
+            result.append(score * (camera.project(place[None])[0][0] - pixel) / size)
+        return np.array(result)
+
+
+def surfaces_at(state: State, tracker: Tracker, start: np.ndarray) -> np.ndarray:
+    """Where the surfaces are in one image set.
+
+    Parameters
+    ----------
+    state : the true one.
+    tracker : has the colors and silhouettes of the set.
+    start : (n_shapes, 4) meters, where they are taken to be at first.
+
+    Returns
+    -------
+    (n_shapes, 4) meters.
+    """
+    region = tracker._track.engine.modalities[0]
+    assert isinstance(region, RegionModality)
+    prior = (_WIDE_M * relative_size(tracker.model)) ** 2 * np.tile(np.eye(N_UNKNOWNS), (len(tracker.model.shapes), 1, 1))
+    for _ in range(2):
+        lines = region._drawer.draw(region.views, state, 1.0, 2.0, None, Surfaces(start, prior))
+        sums = lines.at(state).surfaces
+        assert sums is not None
+        start = start - (sums.covariances @ sums.b[:, :, None])[:, :, 0]
+    return start
+
+
+def both_sides(names: Sequence[str], values: np.ndarray, sideways: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Median and standard deviation over clips (the first axis) and sides, by the names of the left side."""
+    mirror = np.ones(values.shape[2])
+    mirror[sideways] = -1.0
+    result = {}
+    for i, name in enumerate(names):
+        twin = name.replace("left_", "right_", 1)
+        if not name.startswith("right_"):
+            own = np.concatenate([values[:, i], mirror * values[:, list(names).index(twin)]])
+            result[name.removeprefix("left_")] = np.median(own, axis=0), own.std(axis=0)
+    return result
+
+
+def main() -> None:
+    """Print the tables of the clips named on the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], epilog="example: ... _fit out/clothed/clip_1")
+    parser.add_argument("clips", nargs="+", type=Path, metavar="DIR", help="folders of training clips")
+    parser.add_argument("--cache", type=Path, default=Path("out/clothed/people.sqlite"), help="what the network has found")
+    args = parser.parse_args()
+    people, offsets, errors, surfaces = KeptPeople(pose_weights(), args.cache), [], [], []
+    for folder in args.clips:
+        clip = load_clip(folder)
+        points, found = PointOffsetFit(clip), [np.zeros((len(clip.model.shapes), N_UNKNOWNS))]
+        for image_set, state, tracker in tracked(clip, people):
+            points.add(image_set, state)
+            found.append(surfaces_at(state, tracker, np.median(found[1:] or found, axis=0)))
+        own, own_errors = points.fitted()
+        offsets.append(own)
+        errors.append(own_errors)
+        surfaces.append(np.median(found[1:], axis=0) / relative_size(clip.model))
+        print(f"{folder.name}: {len(own_errors)} points", flush=True)
+    for title, names, values, sideways in (
+        ("points", points.names, np.array(offsets), 1),
+        ("surfaces", [shape.name for shape in clip.model.shapes], np.array(surfaces), 2),
+    ):
+        print(f"\n{title}: medians, standard deviations, m")
+        for name, (middle, spread) in both_sides(names, values, sideways).items():
+            print(f"{name:12} {np.round(middle, 3)} {np.round(spread, 3)}")
+    together = np.concatenate(errors)
+    print("\nstated spread, robust spread of errors, both in thousandths of the person's size")
+    for part in np.array_split(together[np.argsort(together[:, 2])], 8):
+        print(f"{1e3 * np.median(part[:, 2]):6.1f} {1e3 * 1.4826 * np.median(np.abs(part[:, :2])):6.1f}")
+
+
+if __name__ == "__main__":
+    main()
