@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from helpers.bodies import textured_plate
+from helpers.bodies.detected_people import seen_by, with_mask
 from helpers.cameras.start_scenes import scene, standing
 from helpers.studio.small_studio import Recording, recording
 from tracker_node.camera.rig import CameraRig
@@ -47,6 +48,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "texture": {"modalities": ["texture"]},
     "over background": {"modalities": ["color_over_background"], "color_over_background.learn_colors": True},
     "joint": {"modalities": ["color", "region"], "color.learn_colors": True},
+    "keypoints": {"modalities": ["region", "keypoints"]},
 }
 """Names of the ways to track, with the parameters that choose them."""
 
@@ -94,6 +96,18 @@ def followed(config: TrackerConfig) -> str:
     tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, backgrounds, displaced(clip))
     sets = [blank(s) if i in (6, 7) else staggered(s) if i % 2 else s for i, s in enumerate(clip.sets)]
     return told([tracker.step(image_set) for image_set in sets[: 9 if config.colors else None]])
+
+
+def pointed(config: TrackerConfig) -> str:
+    """A person whom a detector finds in four cameras, with points of which it is not quite sure."""
+    clip, estimates = recording(), []
+    tracker = Tracker(clip.rig, clip.model, config, None, clip.states[0])
+    for i in range(3):
+        people = seen_by(clip.rig, clip.states[i], np.random.default_rng(i), 1.5, score=0.8)
+        masked = [with_mask(person, camera, clip.states[i]) for person, camera in zip(people, clip.rig, strict=True)]
+        images = zip(clip.sets[i].images, masked, strict=True)
+        estimates.append(tracker.step(replace(clip.sets[i], images=tuple(replace(one, people=(p,)) for one, p in images))))
+    return told(estimates)
 
 
 def waved(config: TrackerConfig) -> str:
@@ -156,6 +170,8 @@ def run(way: str, kind: str, values: dict[str, Any]) -> str:
     if kind == "checked":
         return checked(from_dict(WAYS[way] | {"initialization.enabled": False} | CHECKED | values))
     config = from_dict(WAYS[way] | {"initialization.enabled": False} | values)
+    if way == "keypoints":
+        return pointed(config)
     return waved(config) if way in ("texture", "rigid") else followed(config)
 
 
