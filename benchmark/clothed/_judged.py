@@ -142,13 +142,15 @@ def together_over_best(
 
     Parameters
     ----------
-    together, points, contours : of the same clips.
+    together, points, contours : of the same clips; ``contours`` may end early.
 
     Returns
     -------
     ``raw`` and ``offset_free``.
     """
     result = {}
+    none = Accuracy(float("nan"), float("nan"), (), 0, 0)
+    contours = [*contours, *[none] * (len(together) - len(contours))]
     for key, name in (("raw", "mpjpe12_mm"), ("offset_free", "offset_free12_mm")):
         values = [[getattr(each, name) for each in runs] for runs in (together, points, contours)]
         ratios = [both / np.nanmin(alone) for both, *alone in zip(*values, strict=True)]

@@ -24,6 +24,7 @@ from tracker_node.observation.keypoints.checked import checked
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People, Person, Silhouette
 
+_CODE = tuple(path.read_bytes() for path in sorted(Path(keypoints.__file__).parent.glob("*.py")))  # as it has been loaded
 _NEAR_CENTER, _NEAR_SIZE, _NEAR_RAD = 0.04, 0.06, 0.08  # shares of a crop's size, and its angle
 
 
@@ -136,8 +137,8 @@ def is_near(crop: Crop, u: float, v: float, size: float, angle: float) -> bool:
 def _code_digest(files: BlazePoseFiles) -> bytes:
     """Of all that decides what is found but image and crop."""
     digest = hashlib.blake2b(digest_size=32)
-    for path in (*sorted(Path(keypoints.__file__).parent.glob("*.py")), files.detector, files.points):
-        digest.update(path.read_bytes())
+    for content in (*_CODE, files.detector.read_bytes(), files.points.read_bytes()):
+        digest.update(content)
     return digest.digest()
 
 
