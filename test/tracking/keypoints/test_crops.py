@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helpers.bodies.bodies import crane
 from helpers.bodies.detected_people import HUMAN, places, posed, standing
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import se3, so3
+from tracker_node.model.articulated import Landmark
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.keypoints.crop import mapped
 from tracker_node.tracking.keypoints.crops import crops_of
@@ -59,6 +61,23 @@ def test_somebody_who_bends_down_is_turned_by_the_trunk():
     root, neck = camera.project(np.array([bent.T_world_root[:3, 3], neck_of(bent)]))[0]
     assert crop.angle == pytest.approx(np.arctan2(neck[0] - root[0], root[1] - neck[1]))
     assert abs(crop.angle) > 0.25 * np.pi
+
+
+def test_up_is_the_highest_landmark_of_the_trunk():
+    """Others of the trunk are lower, and the head and hands of those who raise them higher."""
+    low = Landmark("navel", HUMAN.chain.links[0], (0.1, 0.0, 0.15))
+    model = replace(HUMAN, landmarks=(low, *HUMAN.landmarks))
+    state = standing(model=model, abdomen_flexion=50.0, head_flexion=30.0)
+    for crop, expected in zip(crops_of(model, RIG, state), crops_of(HUMAN, RIG, state), strict=True):
+        assert crop.angle == expected.angle
+
+
+def test_a_body_without_such_a_landmark_is_up_along_its_root():
+    model = crane()
+    state = State.neutral(model, standing(0.0, 0.0, 0.4).T_world_root)
+    for camera, crop in zip(RIG, crops_of(model, RIG, state), strict=True):
+        root, above = camera.project(np.array([state.T_world_root[:3, 3], state.T_world_root[:3, 3] + [0.0, 0.0, 0.5]]))[0]
+        assert crop.angle == pytest.approx(np.arctan2(above[0] - root[0], root[1] - above[1])) and abs(crop.angle) < 0.1
 
 
 def test_all_points_are_within_the_square():

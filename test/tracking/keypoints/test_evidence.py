@@ -73,6 +73,21 @@ def test_odds_of_a_point_in_two_cameras_by_hand():
         assert found[OTHER] == pytest.approx(in_place / 1.5, abs=1e-3)
 
 
+def test_a_narrow_error_that_runs_aslant_is_as_small_as_its_determinant():
+    """Elsewhere is then less likely: by the root of the determinant of the inverse covariance."""
+    people, slant = seen_by(RIG, TRUE), 300.0 * np.array([[1.0, 0.98], [0.98, 1.0]])
+    found = odds([replace(p, covariances=np.tile(slant, (len(NAMES), 1, 1))) for p in people[:2]] + [None], 50.0)
+    expected = 0.0
+    for person in people[:2]:
+        left, top, right, bottom = person.box
+        size = max(right - left, bottom - top)
+        root = np.sqrt(np.linalg.det(slant + (0.02 * size) ** 2 * np.eye(2)))
+        outlier = 0.02 / 0.98 * 2.0 * np.pi * root / size**2
+        away = 1.0 / (1.0 + 55.0**2 * 0.25**2 / root)
+        expected += np.log((away + outlier) / (1.0 + outlier)) / 1.5
+    assert found[OTHER] == pytest.approx(expected, abs=1e-3)
+
+
 def test_a_point_of_one_camera_counts_where_no_other_is_seen_by_two():
     own = tuple(f"left_{name}" for name in ("shoulder", "elbow", "wrist"))
     people = [without(shifted(person, "left_wrist", 40.0), ()) for person in seen_by(RIG, TRUE)]

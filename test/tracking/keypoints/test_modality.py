@@ -12,7 +12,7 @@ from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE
 from tracker_node.model.humans.measures import HumanMeasures
-from tracker_node.objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, U, V
+from tracker_node.objective.keypoints.kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, U, V
 from tracker_node.tracking.config import KeypointConfig
 from tracker_node.tracking.keypoints.modality import KeypointModality, points_of
 from tracker_node.tracking.motion.model import ExposureDelays, Prediction
@@ -113,6 +113,7 @@ def test_without_people_or_an_expectation_there_are_no_points():
         assert made.has_points
         made.set_images((), expected, None, persons)
         found = made.correspond(TRUE, 1.0).linearize(TRUE)
+        assert made.correspond(TRUE, 1.0).observed.shape == (len(POINTS), 3, N_COLUMNS)
         assert not made.has_points and found.count == 0 and found.cost == 0.0 and not found.H.any() and not found.g.any()
 
 

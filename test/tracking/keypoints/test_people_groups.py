@@ -170,6 +170,14 @@ def test_a_person_is_as_large_as_the_longer_side_of_the_box():
     assert group.size_px == pytest.approx(300.0 + max(other[2] - other[0], other[3] - other[1]))
 
 
+def test_people_of_one_box_are_told_apart_by_their_scores_and_of_one_score_by_their_boxes():
+    one, other = noisy(ONE, 1), noisy(OTHER, 2)
+    boxed = [replace(b, box=a.box, score=0.9) for a, b in zip(one, other, strict=True)]
+    for second in (boxed, other):
+        groups = grouped(RIG, list(zip(one, second, strict=True)))
+        assert [group.count for group in groups] == [3, 3]
+
+
 def test_points_that_are_not_numbers_meet_nowhere():
     people = [without(person, ("left_wrist",)) for person in noisy(ONE, sigma_px=0.0)]
     for given in (people, [replace(person, scores=np.ones(33) * np.isin(np.arange(33), ROWS)) for person in people]):

@@ -124,6 +124,16 @@ def test_limbs_that_are_bent_far_are_reached(seed):
     assert found is not None and off_points_m(found, true).max() < 0.005
 
 
+def test_a_limb_is_bent_to_the_middle_of_its_ranges_and_the_others_stay():
+    made, state, chain = starting(), posed(3), HUMAN.chain
+    for limb in made._limbs:
+        bent, own = made._bent(state, limb), limb.dofs[6:]
+        np.testing.assert_allclose(bent.joint_positions[own], 0.5 * (chain.lower + chain.upper)[own])
+        np.testing.assert_array_equal(bent.joint_positions[~own], state.joint_positions[~own])
+        np.testing.assert_array_equal(bent.T_world_root, state.T_world_root)
+    assert len(made._limbs) == 5  # without the trunk
+
+
 def test_points_that_are_not_numbers_do_no_harm():
     true = posed(5)
     people = [without(person, ("left_wrist", "nose", "right_hip")) for person in seen_by(RIG, true)]
