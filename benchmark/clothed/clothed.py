@@ -113,7 +113,7 @@ def measure(clips: list[ClothedClip], files: BlazePoseFiles, args: argparse.Name
             others = [each for each in found.runs[TOGETHER] if each.clip != clip.name]
             for disturbed, shown, decisions in disturbed_runs(clip, run, others, kept[clip.name].with_people, args):
                 found.decisions += decisions
-                _tell(found, disturbed, shown)
+                _tell(found, disturbed, shown, f"; {decisions}" if decisions.images else "")
     if "starts" in args.only:
         for clip in clips:
             found.trials += starts(clip, kept[clip.name], 5 if args.quick else 20, args.changes)
@@ -128,7 +128,7 @@ def _add(found: Found, clip: ClothedClip, run: Run) -> None:
     _tell(found, run, limbs_shown(clip, run.rows))
 
 
-def _tell(found: Found, run: Run, shown: np.ndarray) -> None:
+def _tell(found: Found, run: Run, shown: np.ndarray, more: str = "") -> None:
     limbs = limbs_of_run(run, shown)
     key = run.kind, run.clip
     found.limbs[key] = found.limbs.get(key, LimbCounts()) + limbs
@@ -138,7 +138,7 @@ def _tell(found: Found, run: Run, shown: np.ndarray) -> None:
         f" {', '.join(result.lost_limbs) or 'none'}, sets {result.lost_sets} of {len(run.rows)}; state from set"
         f" {result.first_state_set}; wrong limb-sets {limbs.wrong} ({limbs.wrong_tracking} TRACKING), right {limbs.right}"
         f" ({limbs.right_lost} LOST); sets with a joint 200 mm off: {_ranges(wrong_sets(run))};"
-        f" {np.median(run.step_ms):.0f} ms, network {np.median(run.network_ms):.0f} ms",
+        f" {np.median(run.step_ms):.0f} ms, network {np.median(run.network_ms):.0f} ms{more}",
         file=sys.stderr, flush=True,
     )  # fmt: skip
 
