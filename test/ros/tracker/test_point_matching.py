@@ -110,3 +110,11 @@ def test_after_a_jump_back_old_points_are_over(bench):
     bench.put(1)
     assert bench.track(2) == 1
     assert bench.counts == {"too old": 1, "late": 1}
+
+
+def test_points_of_an_image_that_is_forgotten_are_too_old(bench):
+    for i in range(100):
+        bench.track(i)
+    bench.put(5)
+    assert bench.track(100) is None
+    assert bench.counts == {"too old": 1}

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--threads", type=_positive, default=1, metavar="N", help="of the networks (default: 1)")
     parser.add_argument(
-        "--niceness", type=_niceness, default=10, metavar="N", help="0 to 19: how far others go first (default: 10)"
+        "--niceness", type=_niceness, default=5, metavar="N", help="0 to 19: how far others go first (default: 5)"
     )
     parser.add_argument(
         "--rate", type=_rate, default=5.0, metavar="HZ", help="image sets a second at most (default: 5; 0: as many as possible)"

@@ -32,7 +32,8 @@ _MOST_WAITING = 8  # points of a camera that may be ahead of its images
 class _Lane:
     """What is known of one camera."""
 
-    images_ns: deque[int] = field(default_factory=deque)
+    images_ns: deque[int] = field(default_factory=deque)  # of the window
+    first_ns: int | None = None  # stamp of the first image
     waiting: dict[int, DetectedPeople] = field(default_factory=dict)  # stamp -> points, in the order of their arrival
     had_ns: deque[int] = field(default_factory=lambda: deque(maxlen=64))
     counts: Counter[str] = field(default_factory=Counter)
@@ -85,7 +86,9 @@ class PointMatching:
     def saw(self, image: CameraImage) -> None:
         """An image has come that may be tracked."""
         with self._lock:
-            images_ns = self._lane(image.camera).images_ns
+            lane = self._lane(image.camera)
+            images_ns = lane.images_ns
+            lane.first_ns = image.stamp_ns if lane.first_ns is None else lane.first_ns
             images_ns.append(image.stamp_ns)
             while images_ns[0] < image.stamp_ns - _WINDOW_NS:
                 images_ns.popleft()
@@ -97,6 +100,7 @@ class PointMatching:
                 lane.counts[TOO_OLD] += len(lane.waiting)
                 lane.waiting.clear()
                 lane.images_ns.clear()
+                lane.first_ns = None
                 lane.had_ns.clear()
 
     def attached(self, image_set: ImageSet) -> ImageSet:
@@ -135,7 +139,8 @@ class PointMatching:
             return "" if stamp_ns <= image_ns + _WINDOW_NS else UNMATCHED
         near = any(abs(stamp_ns - other_ns) <= self._tolerance_ns for other_ns in lane.images_ns)
         if image_ns - stamp_ns > _MOST_LATE_NS:
-            return TOO_OLD if near else UNMATCHED
+            forgotten = lane.first_ns is not None and lane.first_ns <= stamp_ns < lane.images_ns[0]
+            return TOO_OLD if near or forgotten else UNMATCHED
         return LATE if near else UNMATCHED
 
     def _drop(self, lane: _Lane, stamp_ns: int, reason: str) -> None:
