@@ -113,6 +113,18 @@ def test_detections_of_one_person_are_averaged_by_their_probabilities(networks):
     assert first.crop.angle == pytest.approx(0.0, abs=1e-6)
 
 
+def test_boxes_lie_about_their_middles(networks):
+    """60 x 60 and, 20 beside and above its middle, 80 x 80: a third of both is common, and it is one person."""
+    networks["d"] = Network(
+        detections((0, 0.9, (100.0, 100.0, 60.0, 60.0, 9.0, 9.0)), (1, 0.8, (80.0, 80.0, 80.0, 80.0, 9.0, 9.0)))
+    )
+    assert len(PersonDetector("d").find(IMAGE)) == 1
+    networks["d"] = Network(
+        detections((0, 0.9, (100.0, 100.0, 60.0, 60.0, 9.0, 9.0)), (1, 0.8, (76.0, 76.0, 80.0, 80.0, 9.0, 9.0)))
+    )
+    assert len(PersonDetector("d").find(IMAGE)) == 2
+
+
 def test_a_probability_of_three_tenths_is_a_person(networks):
     own = (0.0, 0.0, 40.0, 60.0, 10.0, 0.0, 10.0, -20.0)
     networks["d"] = Network(detections((0, 0.3001, own), (500, 0.2999, own)))
@@ -267,6 +279,11 @@ def test_people_are_looked_for_again_without_those_who_were_found(networks):
     np.testing.assert_allclose(second[v - 5 : v + 5, u - 5 : u + 5], np.broadcast_to(mean, (10, 10, 3)), atol=0.02)
     np.testing.assert_array_equal(first[:, 200:], second[:, 200:])
     np.testing.assert_array_equal(image, before)
+
+
+def test_where_nobody_is_found_the_search_ends(networks):
+    networks["d"], networks["p"] = Network(detections((0, 0.9, LEFT))), Network(answer(somewhere(), presence=0.1))
+    assert BlazePose(FILES).detect(IMAGE) == () and len(networks["d"].given) == 1
 
 
 def test_no_more_people_than_asked_for(networks):

@@ -162,6 +162,9 @@ def test_what_lines_say_loses_by_surfaces_in_the_covariance_too(clip, engine):
     J = clip.model.chain.link_moved_by[:, :, None] * body.twists[None]
     summed = np.einsum("lia,lab,ljb->ij", J, evidence.normal, J)
     np.testing.assert_allclose(summed, evidence.information, rtol=1e-6, atol=1e-6 * np.abs(summed).max())
+    half = errors.evidence(fit.correspondences, fit.state, 0.5)
+    assert half.gradient is None and np.array_equal(evidence.gradient, fit.correspondences.linearize(fit.state).g)
+    np.testing.assert_allclose([half.information, half.scatter], [0.5 * evidence.information, 0.25 * evidence.scatter])
     covariance, _ = fit_covariance(fit.equations.H, evidence, body)
     assert np.linalg.eigvalsh(covariance)[0] > 0.0
 
