@@ -22,7 +22,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
-from benchmark.ros._recorder_runs import kill, record, streams
+from benchmark.ros.recorder._runs import kill, record, streams
 from benchmark.ros.transport import N_CAMERAS
 
 SECONDS = {"quick": 8.0, "full": 60.0}

@@ -9,7 +9,7 @@ import yaml
 
 from helpers.bodies.bodies import crane
 from tracker_node.errors import CalibrationError, FileFormatError
-from tracker_node.loaders.model.mesh_file import write_picture
+from tracker_node.loaders.model.mesh_file import write_texture
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state, load_state
 from tracker_node.loaders.motion.trc import load_trc
@@ -78,7 +78,7 @@ def valid(tmp_path_factory):
     dump_config(TrackerConfig(), folder / "config.yaml")
     (folder / "rig.yaml").write_text(RIG)
     (folder / "part.yaml").write_text(PART)
-    write_picture(np.zeros((2, 3, 3), np.uint8), folder / "a.png")
+    write_texture(np.zeros((2, 3, 3), np.uint8), folder / "a.png")
     loaders = {"model": load_model, "state": lambda path: load_state(path, model), "config": load_config, "rig": load_rig}
     loaders["part"] = load_model
     return {kind: (load, yaml.safe_load((folder / f"{kind}.yaml").read_text()), folder) for kind, load in loaders.items()}

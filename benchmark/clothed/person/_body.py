@@ -129,7 +129,7 @@ def load_body(name: str, folder: Path) -> Body:
     path = folder / f"{name}.npz"
     if not path.is_file():
         raise SourceError(path, f"no such body; write all of them by: {FIRST_STEP.format(folder=folder)}")
-    with np.load(path) as arrays:
+    with np.load(path, allow_pickle=False) as arrays:
         return Body(name, **{key: arrays[key] for key in arrays.files})
 
 

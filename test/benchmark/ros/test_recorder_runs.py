@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from benchmark.ros._recorder_runs import TOPICS, Streams, losses_s
+from benchmark.ros.recorder._runs import TOPICS, Streams, losses_s
 from tracker_node.errors import TrackerError
 
 

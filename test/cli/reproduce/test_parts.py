@@ -69,7 +69,7 @@ def test_circumstances_are_means_over_image_sets(scene):
 def test_fig_4_and_the_page_show_two_views(tmp_path, scene):
     targets = scene.draw(scene.tracked, scene.truth)
     table = [["variable", "rms"], ["tilt", "1.0"]]
-    table1._write_pictures(tmp_path, scene, targets, scene.truth, {"Table 1": table}, "remarked")
+    table1._write_figures(tmp_path, scene, targets, scene.truth, {"Table 1": table}, "remarked")
     page = (tmp_path / "report.html").read_text()
     assert (tmp_path / "fig4.png").exists()
     order = [page.index(text) for text in ("What it is", "remarked", "Table 1", "tilt", "Fig. 4")]
