@@ -1,0 +1,1 @@
+"""Runs of the recorder, for `benchmark/ros/recording.py`."""
