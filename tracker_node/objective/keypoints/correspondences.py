@@ -14,7 +14,7 @@ from ...model.configuration import Configuration, State
 from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import camera_constants
-from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, U, V, sum_points
+from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, SCORE, U, V, sum_points
 
 PackedCameras = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -62,12 +62,14 @@ class ObservedPoints:
     covariances : (n_points, n_cameras, 2, 2) of their errors, pixels^2.
     outliers : (n_points, n_cameras) probability that such a point is anywhere in the image; 1: it was not found.
     areas : (n_cameras,) pixels^2 in which an outlier may be.
+    scores : (n_points, n_cameras) the detector's, by which a limb is judged, not fitted; None: 1 of every point that was found.
     """
 
     pixels: np.ndarray
     covariances: np.ndarray
     outliers: np.ndarray
     areas: np.ndarray
+    scores: np.ndarray | None = None
 
     def packed(self) -> np.ndarray:
         """(n_points, n_cameras, `kernels.N_COLUMNS`)."""
@@ -79,6 +81,7 @@ class ObservedPoints:
         result[found, U], result[found, V] = self.pixels[found].T
         result[found, S_UU], result[found, S_UV], result[found, S_VV] = W[:, 0, 0], W[:, 0, 1], W[:, 1, 1]
         result[found, OUTLIER] = q / (1.0 - q) * peak / np.broadcast_to(self.areas, found.shape)[found]
+        result[found, SCORE] = 1.0 if self.scores is None else self.scores[found]
         return result
 
 

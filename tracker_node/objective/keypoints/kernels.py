@@ -19,8 +19,8 @@ import numpy as np
 
 from ...camera.model import project_point
 
-U, V, S_UU, S_UV, S_VV, OUTLIER, N_COLUMNS = 0, 1, 2, 3, 4, 5, 6
-"""Of one point in one camera: pixel, inverse covariance (px^-2), odds q r / (1 - q) of an outlier at no distance."""
+U, V, S_UU, S_UV, S_VV, OUTLIER, SCORE, N_COLUMNS = range(8)
+"""Of one point in one camera: pixel, inverse covariance (px^-2), odds q r / (1 - q) of an outlier at no distance, score."""
 _MOST_ROUNDS = 12
 _SETTLED_M = 1e-7
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from ...model.configuration import State
 from ...objective.keypoints.correspondences import KeypointCorrespondences
-from ...objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV
+from ...objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, SCORE
 from ..limbs.tree import Limb
 
 _ELSEWHERE_PX2 = 55.0**2  # mean square of how far a point of a lost limb is off, in pixels, on a body of `_BODY_PX`
 _BODY_PX = 200.0
 _CORRELATION = 1.5  # how many cameras share one error
+_LEAST_SCORE = 1.0  # of a point, over all cameras, that says anything
 _LIMIT = 6.0  # log odds of one point
 
 
@@ -42,7 +43,9 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
     spread = _ELSEWHERE_PX2 * (body_px / _BODY_PX) ** 2
     away = np.where(seen, 1.0 / (1.0 + spread * np.sqrt(np.maximum(det, 0.0))), 1.0)
     ratio = np.where(seen, np.log((away + odds) / (near + odds)), 0.0)
-    by_point = np.clip(ratio.sum(axis=1) / _CORRELATION, -_LIMIT, _LIMIT)
+    scores = np.where(seen, observed[:, :, SCORE], 0.0)
+    by_point = np.clip((scores * ratio).sum(axis=1) / _CORRELATION, -_LIMIT, _LIMIT)
+    by_point[scores.sum(axis=1) < _LEAST_SCORE] = 0.0  # guessed everywhere: that guesses agree with each other says nothing
     result = np.zeros(len(limbs))
     for i, limb in enumerate(limbs):
         own = limb.links[points.body.links] & seen.any(axis=1)

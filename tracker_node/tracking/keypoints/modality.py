@@ -11,6 +11,7 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.humans.keypoints import KeypointTable, relative_size
 from ...objective.keypoints.correspondences import BodyPoints, KeypointCorrespondences, ObservedPoints, packed_cameras
+from ...objective.keypoints.kernels import N_COLUMNS
 from ..config import KeypointConfig
 from ..modality import Images, Persons
 from ..motion.model import ExposureDelays
@@ -97,7 +98,7 @@ class KeypointModality:
     def _of(self, persons: Persons) -> ObservedPoints:
         n, m, config = len(self.names), len(self._rig), self._config
         pixels, covariances = np.zeros((n, m, 2)), np.tile(np.eye(2), (n, m, 1, 1))
-        outliers, areas = np.ones((n, m)), np.ones(m)
+        outliers, areas, scores = np.ones((n, m)), np.ones(m), np.zeros((n, m))
         for i, person in enumerate(persons):
             if person is not None:
                 rows = [person.names.index(name) for name in self.names]
@@ -107,9 +108,10 @@ class KeypointModality:
                 covariances[:, i] = config.covariance_scale * person.covariances[rows] + floor * np.eye(2)
                 outliers[:, i] = config.outlier_fraction + _OUTLIERS_UNSURE * (1.0 - person.scores[rows])
                 outliers[person.scores[rows] <= 0.0, i] = 1.0
+                scores[:, i] = person.scores[rows]
                 areas[i] = size * size
         outliers[~np.isfinite(pixels).all(axis=2)] = 1.0
-        return ObservedPoints(np.nan_to_num(pixels), covariances, np.clip(outliers, 1e-4, 1.0), areas)
+        return ObservedPoints(np.nan_to_num(pixels), covariances, np.clip(outliers, 1e-4, 1.0), areas, scores)
 
     def _brought_together(self, observed: ObservedPoints, expected: State, delays: ExposureDelays) -> None:
         """Move the points of cameras that expose late to where they would have been at the stamp of the set."""
@@ -145,7 +147,7 @@ class KeypointModality:
         """
         observed = self._observed
         if observed is None:
-            observed = np.zeros((len(self.names), len(self._rig), 6))
+            observed = np.zeros((len(self.names), len(self._rig), N_COLUMNS))
         return KeypointCorrespondences(self.offsets.body, self._cameras, observed, sharpness)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
