@@ -14,7 +14,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 
 from sensor_msgs.msg import CameraInfo, Image
-from tracker_msgs.msg import TrackedState
+from tracker_msgs.msg import Keypoints, TrackedState
 
 from helpers.ros import ros2_env
 from helpers.ros.graph import Probe
@@ -128,6 +128,19 @@ def _tracker(stage: Stage) -> None:
     _ends_well(cameras)
 
 
+def _keypoints(stage: Stage) -> None:
+    """Beside the cameras of another launch; where its weights cannot be fetched, the line that says where to put them."""
+    points = stage.probe.listen(Keypoints, "cam1/keypoints")
+    cameras = stage.launch("camera_ingest", f"rig:={stage.recording / 'rig.yaml'}", "rate:=10")
+    launched = stage.launch("keypoints", f"rig:={stage.recording / 'rig.yaml'}")
+    stage.until(launched, lambda: points or "pose_landmark_full.tflite as" in launched.text, "points")
+    if points:
+        _ends_well(launched)
+    else:
+        launched.end()
+    _ends_well(cameras)
+
+
 def _says_once(launched: Launched, package: str) -> bool:
     """One line, or the package is there."""
     lines = [line for line in launched.lines if f"{package} is not installed" in line]
@@ -204,6 +217,7 @@ def _demo(stage: Stage) -> None:
 FILES: dict[str, Callable[[Stage], None]] = {
     "camera_ingest": _camera_ingest,
     "tracker": _tracker,
+    "keypoints": _keypoints,
     "rviz": _rviz,
     "rig": _rig,
     "pipeline": _pipeline,
