@@ -64,6 +64,25 @@ class Solver(Protocol):
         ...
 
 
+class MemorylessSolver:
+    """What solvers have in common that remember nothing from fit to fit."""
+
+    def reset(self) -> None:
+        """Nothing is remembered from fit to fit."""
+
+    def restart(self) -> bool:
+        """Every start is fitted anew."""
+        return False
+
+    def remember(self, fit: Fit, assessment: Assessment) -> None:
+        """Nothing is remembered from fit to fit.
+
+        Parameters
+        ----------
+        fit, assessment : see `Solver.remember`.
+        """
+
+
 class Judge(Protocol):
     """Assesses fits."""
 

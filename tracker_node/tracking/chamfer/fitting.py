@@ -7,13 +7,13 @@ from ...model.configuration import State
 from ...objective.constraints.prior import Prior
 from ...optimize.fitter import Fit, Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
-from ..assessment import Assessment
 from ..config import TrackerConfig
 from ..constraints import constraints_of, resting, staying
+from ..engine import MemorylessSolver
 from .modality import COARSE, FINE, ChamferModality
 
 
-class ChamferFitting:
+class ChamferFitting(MemorylessSolver):
     """How bodies are fitted to the contours of a `ChamferModality`.
 
     Parameters
@@ -25,21 +25,6 @@ class ChamferFitting:
     def __init__(self, model: ArticulatedModel, config: TrackerConfig, modality: ChamferModality):
         self._config, self._modality = config, modality
         self._fitter, self._rest = Fitter(model, constraints_of(model, config)), resting(model, config.motion)
-
-    def reset(self) -> None:
-        """Nothing is remembered from fit to fit."""
-
-    def restart(self) -> bool:
-        """Every start is fitted anew."""
-        return False
-
-    def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Nothing is remembered from fit to fit.
-
-        Parameters
-        ----------
-        fit, assessment : see `Solver.remember`.
-        """
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """Coarse iterations, then fine ones.

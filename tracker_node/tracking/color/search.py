@@ -21,8 +21,8 @@ from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, Optimizer
 from ...optimize.score_objective import SearchResult
 from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...optimize.stepping import SCHEDULES, SteppingOptions, schedule, step_downhill
-from ..assessment import Assessment
 from ..config import ColorConfig, ColorOverBackgroundConfig
+from ..engine import MemorylessSolver
 from ..limbs.tree import Limb, limbs_of, stages_of
 from ..modality import Images
 from ..poses import Poses, PoseSearch, Round
@@ -71,7 +71,7 @@ class ColorSearch(Protocol):
         ...
 
 
-class ColorSolver:
+class ColorSolver(MemorylessSolver):
     """A search, and once more where limbs that have been lost are found again (`Solver`).
 
     Parameters
@@ -91,18 +91,6 @@ class ColorSolver:
     def reset(self) -> None:
         """The generator begins anew."""
         self._rng = np.random.default_rng(self._config.seed)
-
-    def restart(self) -> bool:
-        """Every start is fitted anew."""
-        return False
-
-    def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Nothing is remembered from fit to fit.
-
-        Parameters
-        ----------
-        fit, assessment : see `Solver.remember`.
-        """
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """From coarse to fine, then limbs that do not agree.

@@ -7,9 +7,9 @@ from ...model.configuration import State
 from ...objective.constraints.prior import Prior
 from ...optimize.fitter import Fit, Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
-from ..assessment import Assessment
 from ..config import TrackerConfig
 from ..constraints import constraints_of, resting, staying
+from ..engine import MemorylessSolver
 from .modality import KeypointModality
 
 # Factors of what the points say: the first reach bodies that are far off, and what is no outlier is told at the end
@@ -17,7 +17,7 @@ _FIRST, _LATER = (0.003, 0.03, 0.3, 1.0), (0.1, 1.0)
 _FIRST_ITERATIONS, _ITERATIONS = 30, 8
 
 
-class KeypointFitting:
+class KeypointFitting(MemorylessSolver):
     """How bodies are fitted to the points of a `KeypointModality`.
 
     Parameters
@@ -29,21 +29,6 @@ class KeypointFitting:
     def __init__(self, model: ArticulatedModel, config: TrackerConfig, modality: KeypointModality):
         self._config, self.modality = config, modality
         self._fitter, self._rest = Fitter(model, constraints_of(model, config)), resting(model, config.motion)
-
-    def reset(self) -> None:
-        """Nothing is remembered from fit to fit."""
-
-    def restart(self) -> bool:
-        """Every start is fitted anew."""
-        return False
-
-    def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Nothing is remembered from fit to fit.
-
-        Parameters
-        ----------
-        fit, assessment : see `Solver.remember`.
-        """
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """Blunt points, then sharp ones.
