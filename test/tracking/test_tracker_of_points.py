@@ -221,3 +221,14 @@ def test_hundreds_of_people_in_every_image_do_no_harm():
             crowd.append((*others, own))
         estimate = made.step(shot(i, crowd))
     assert estimate.status is Status.TRACKING and off_m(estimate.state, true(1)).mean() < 0.03
+
+
+def test_a_detector_that_lacks_a_point_of_one_side_finds_a_first_state_too():
+    def lacking(person):
+        rows = [row for row, name in enumerate(person.names) if name != "left_heel"]
+        arrays = {field: getattr(person, field)[rows] for field in ("pixels", "covariances", "scores")}
+        return replace(person, names=tuple(person.names[row] for row in rows), **arrays)
+
+    found = tracker().step(shot(0, [tuple(map(lacking, persons)) for persons in people(0)]))
+    assert found.status is Status.TRACKING
+    assert off_m(found.state, true(0)).mean() < 0.03

@@ -208,9 +208,8 @@ class Tracker:
         """Estimate the state for one image set."""
         began = time.perf_counter()
         images = self._images(image_set)
-        if self._track.start is None or self._track.lost >= _LOST_SETS:
-            seen = [image_set.get(name) for name in self.rig.names]
-            begin = self._track.engine.find([None if image is None else image.people for image in seen])
+        if self._late is not None and (self._track.start is None or self._track.lost >= _LOST_SETS):
+            begin = self._track.engine.find(self._late.found(image_set))
             if begin is not None:
                 self._restart(begin)
         if self._initializer is not None:

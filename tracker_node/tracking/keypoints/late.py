@@ -116,10 +116,17 @@ class LatePoints:
         -------
         By camera of the rig; None where no detector has looked.
         """
-        images = [self._completed(image_set.get(name)) for name in self._rig.names]
+        images = self._images(image_set)
         late = any(image is not None and image.people and image.people_stamp_ns is not None for image in images)
         steps = self._steps_to(image_set.stamp_ns, expected) if late else []
         return [None if image is None else self._people(i, image, image_set.stamp_ns, steps) for i, image in enumerate(images)]
+
+    def found(self, image_set: ImageSet) -> list[People | None]:
+        """The people in the images of a set where they were found, with all points of the body; None where none has looked."""
+        return [None if image is None else image.people for image in self._images(image_set)]
+
+    def _images(self, image_set: ImageSet) -> list[CameraImage | None]:
+        return [self._completed(image_set.get(name)) for name in self._rig.names]
 
     def _completed(self, image: CameraImage | None) -> CameraImage | None:
         """With all points of the body, those that the detector lacks not found, and none that the other side lacks."""
