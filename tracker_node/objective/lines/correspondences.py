@@ -253,11 +253,14 @@ class LineCorrespondences:
     ----------
     cameras : lines of each camera of the rig, None for one that shows nothing.
     variance : px^2, what contours are taken to be off beyond what their lines say.
+    drawn_at : the state about which the lines were drawn.
+    scale : pixels from place to place on them.
     """
 
     def __init__(self, drawn: _Drawn, sums: LineSums):
         self._drawn, self.cameras = drawn, drawn.cameras
-        self.variance = float(drawn.packed[kernel.MODEL_VARIANCE])
+        self.variance, self.scale = float(drawn.packed[kernel.MODEL_VARIANCE]), float(drawn.packed[kernel.SCALE])
+        self.drawn_at = sums.state
         self._latest = LinesAt(drawn, sums)
 
     @property
@@ -303,21 +306,23 @@ class LinesAt:
         H, g = np.zeros((model.n_dof, model.n_dof)), np.zeros(model.n_dof)
         cost, count = 0.0, 0
         for together in cameras_by_body(active, self.sums.bodies):
-            self._assemble(together, H, g)
+            cost -= self._assemble(together, H, g)
         for i in active:
             stats = self.stats(i)
             cost += float(stats[kernel.COST])
             count += int(stats[kernel.COUNT])
-        if self.surfaces is not None:
-            cost -= self.surfaces.cost
         return NormalEquations(H, g, cost, count)
 
     @cached_property
     def surfaces(self) -> SurfaceSums | None:
         """What the lines say of the surfaces; None where these are taken as they are."""
-        return self._surfaces([i for i, _ in self._drawn.seeing])
+        return self.surfaces_at(float(self._drawn.packed[kernel.MODEL_VARIANCE]))
 
-    def _surfaces(self, cameras: Sequence[int]) -> SurfaceSums | None:
+    def surfaces_at(self, variance: float) -> SurfaceSums | None:
+        """The same where contours are off by another ``variance``, px^2, beyond what their lines say."""
+        return self._surfaces([i for i, _ in self._drawn.seeing], variance)
+
+    def _surfaces(self, cameras: Sequence[int], variance: float) -> SurfaceSums | None:
         drawn, model, options = self._drawn, self._drawn.model, self._drawn.packed
         if drawn.surfaces is None:
             return None
@@ -328,12 +333,12 @@ class LinesAt:
             assert own is not None
             sum_surfaces(
                 own.lines, own.info, len(own.lines), self.sums.bodies[i].Ts_world_link, own.camera, options[kernel.ROBUST] ** 2,
-                options[kernel.MODEL_VARIANCE], 1.0 / options[kernel.CORRELATION], *table,
+                variance, 1.0 / options[kernel.CORRELATION], *table,
             )  # fmt: skip
         return SurfaceSums(*table, drawn.surfaces.priors, model.shape_links)
 
-    def _assemble(self, cameras: Sequence[int], H: np.ndarray, g: np.ndarray) -> None:
-        """Add what the links say in these cameras, which see one and the same body."""
+    def _assemble(self, cameras: Sequence[int], H: np.ndarray, g: np.ndarray) -> float:
+        """Add what the links say in these cameras, which see one and the same body; what the surfaces take off their cost."""
         chain, body = self._drawn.model.chain, self.sums.bodies[cameras[0]]
         own_H, own_g = np.empty_like(H), np.empty_like(g)
         normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
@@ -342,13 +347,15 @@ class LinesAt:
             assert found is not None
             normal += found.normal
             gradient += found.gradient
-        surfaces = self._surfaces(cameras)
+        whole = len(cameras) == len(self._drawn.seeing)
+        surfaces = self.surfaces if whole else self._surfaces(cameras, float(self._drawn.packed[kernel.MODEL_VARIANCE]))
         if surfaces is not None:
             normal -= surfaces.of_links(len(normal))
             gradient -= surfaces.pulls(len(gradient))
         assemble(normal, gradient, chain.link_moved_by, body.twists, own_H, own_g)
         H += own_H
         g += own_g
+        return 0.0 if surfaces is None else surfaces.cost
 
     def stats(self, i: int) -> np.ndarray:
         """(`correspondence.N_STATISTICS`,) of camera ``i``; zeros where it shows nothing."""

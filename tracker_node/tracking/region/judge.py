@@ -69,12 +69,13 @@ class RegionJudge:
         if not evidence.expected.any():
             reason = "no camera sees the body where it is expected"
             return Assessment(Status.LOST, reason, noise=True, limbs=self.limbs.nothing_seen(), log_ratio=_UNSEEN)
-        reports = self.limbs.update(evidence, fit.state, self._of(fit)[1][0], self._by_points(fit))
+        by_points = self._by_points(fit)
+        reports = self.limbs.update(evidence, fit.state, self._of(fit)[1][0], by_points)
         status, reason = body_status(reports)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set, fit.correspondences.active)
         return Assessment(
-            status, reason, noise=is_noise(evidence) and not self._fitting.points_at(fit.state), jumped=fit.jumped, limbs=reports,
+            status, reason, noise=is_noise(evidence) and by_points is None, jumped=fit.jumped, limbs=reports,
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
             log_ratio=_log_ratio(evidence),
         )  # fmt: skip

@@ -88,6 +88,7 @@ class RegionModality:
         self._delays: ExposureDelays | None = None
         self.n_learned = 0
         self.views: list[View | None] = [None] * len(rig)
+        self._latest: LineCorrespondences | None = None  # lines last drawn in the present images
 
     def reset(self) -> None:
         """Only the colors that the model states, and the images of the background, are known."""
@@ -122,7 +123,7 @@ class RegionModality:
         ----------
         images, expected, delays, persons : see `Modality.set_images`.
         """
-        self._delays = delays
+        self._delays, self._latest = delays, None
         self.views = [None] * len(images) if expected is None else self.appearance.views(images, persons)
 
     def correspond(self, state: State, detail: LineDetail) -> LineCorrespondences:
@@ -137,12 +138,16 @@ class RegionModality:
         The lines of all cameras.
         """
         surfaces = None if self._surfaces is None else self._surfaces.surfaces
-        return self._drawer.draw(self.views, state, detail.scale, detail.model_sigma_px, self._offsets(state), surfaces)
+        self._latest = self._drawer.draw(self.views, state, detail.scale, detail.model_sigma_px, self._offsets(state), surfaces)
+        return self._latest
 
     def _learn_surfaces(self, state: State, weights: np.ndarray | None) -> None:
         """Follow where surfaces are beside the shapes, by lines about a state that has been found."""
         if self._surfaces is not None and any(view is not None for view in self.views):
-            sums = self.correspond(state, LineDetail(1.0, self._config.model_sigma_px)).at(state).surfaces
+            sigma_px, lines = self._config.model_sigma_px, self._latest
+            if lines is None or lines.drawn_at is not state or lines.scale != 1.0:
+                lines = self.correspond(state, LineDetail(1.0, sigma_px))
+            sums = lines.at(state).surfaces_at(sigma_px**2)
             assert sums is not None
             trusted = np.ones(len(self._model.shapes), dtype=np.bool_) if weights is None else np.asarray(weights > 0.5)
             self._surfaces.update(sums, trusted)
