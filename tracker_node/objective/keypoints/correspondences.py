@@ -48,6 +48,11 @@ class BodyPoints:
         """(n, 3, 3) inverse of ``covariances``."""
         return np.linalg.inv(self.covariances)
 
+    def places(self, state: State) -> np.ndarray:
+        """(n, 3) meters, world: where the points of a body in ``state`` are expected."""
+        T = Configuration(self.model, state).Ts_world_link[self.links]
+        return np.einsum("nij,nj->ni", T[:, :3, :3], self.positions + self.means) + T[:, :3, 3]
+
     def __len__(self) -> int:
         return len(self.links)
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...camera.rig import CameraRig
-from ...model.articulated import ArticulatedModel
 from ...objective.keypoints.correspondences import KeypointCorrespondences, PointsAt
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
-from ..config import TrackerConfig
 from ..estimate import CameraReport, Status
 
 _LEAST_POINTS = 6  # of all cameras, for a body to be seen at all
@@ -22,11 +20,11 @@ class KeypointJudge:
 
     Parameters
     ----------
-    rig, model, config : as for the `Tracker`.
+    rig : cameras.
     """
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
-        self._rig, self._model, self._config = rig, model, config
+    def __init__(self, rig: CameraRig):
+        self._rig = rig
 
     def reset(self) -> None:
         """Nothing is remembered."""

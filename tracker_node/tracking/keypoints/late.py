@@ -15,7 +15,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import State
 from ...model.humans.keypoints import KeypointTable
 from ...model.humans.measures import mirrored_name
 from ...observation.image_set import CameraImage, ImageSet
@@ -56,14 +56,12 @@ class _Projector:
     """Points of a body in the images of a rig."""
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, table: KeypointTable):
-        self._rig, self._model = rig, model
+        self._rig = rig
         self.names, self._body = points_of(model, table)
 
     def project(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """(n_cameras, n_points, 2) pixels, and (n_cameras, n_points) whether they are seen."""
-        body = self._body
-        T = Configuration(self._model, state).Ts_world_link[body.links]
-        points = np.einsum("nij,nj->ni", T[:, :3, :3], body.positions + body.means) + T[:, :3, 3]
+        points = self._body.places(state)
         pixels, seen = zip(*(camera.project(points) for camera in self._rig), strict=True)
         return np.array(pixels), np.array(seen)
 

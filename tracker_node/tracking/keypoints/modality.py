@@ -8,7 +8,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import State
 from ...model.humans.keypoints import KeypointTable, relative_size
 from ...objective.keypoints.correspondences import BodyPoints, KeypointCorrespondences, ObservedPoints, packed_cameras
 from ...objective.keypoints.kernels import N_COLUMNS
@@ -124,9 +124,7 @@ class KeypointModality:
 
     def places(self, state: State) -> np.ndarray:
         """(n_points, 3) meters, world: where the points of a body in ``state`` are expected."""
-        body = self.offsets.body
-        T = Configuration(self._model, state).Ts_world_link[body.links]
-        return np.einsum("nij,nj->ni", T[:, :3, :3], body.positions + body.means) + T[:, :3, 3]
+        return self.offsets.body.places(state)
 
     @property
     def has_points(self) -> bool:

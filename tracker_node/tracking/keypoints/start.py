@@ -95,7 +95,7 @@ class PointStart:
         use = self._steady[known[self._steady]][:_LEAST_PLACED]
         if len(use) < _LEAST_PLACED:
             return None
-        own = _places(body, Configuration(self._model, neutral))[use]
+        own = body.places(neutral)[use]
         there = targets[use]
         middle, aim = own.mean(axis=0), there.mean(axis=0)
         U, _, V = np.linalg.svd((there - aim).T @ (own - middle))
@@ -118,18 +118,12 @@ def _focus(rig: CameraRig) -> np.ndarray:
 
 def _mobility(model: ArticulatedModel, body: BodyPoints) -> np.ndarray:
     """(n,) meters: how far each point moves as the joints go through their ranges, on the root."""
-    chain, configuration = model.chain, Configuration(model, State.neutral(model))
-    places = _places(body, configuration)
+    chain, neutral = model.chain, State.neutral(model)
+    places, configuration = body.places(neutral), Configuration(model, neutral)
     v, w = configuration.twists[:, :3], configuration.twists[:, 3:]
     moved = np.linalg.norm(v[None] + np.cross(w[None], places[:, None]), axis=2) * chain.link_moved_by[body.links]
     ranges = np.minimum(chain.upper - chain.lower, np.pi)
     return np.sqrt(((moved[:, N_ROOT_DOF:] * ranges) ** 2).sum(axis=1))
-
-
-def _places(body: BodyPoints, configuration: Configuration) -> np.ndarray:
-    """(n, 3) meters, world."""
-    T = configuration.Ts_world_link[body.links]
-    return np.einsum("nij,nj->ni", T[:, :3, :3], body.positions + body.means) + T[:, :3, 3]
 
 
 def _turned(state: State, angle: float) -> State:
