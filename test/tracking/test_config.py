@@ -10,6 +10,7 @@ from tracker_node.tracking.config import (
     ALONE,
     JOINT,
     MIXED,
+    POINTS_BESIDE,
     TrackerConfig,
     checked_combination,
     describe,
@@ -21,7 +22,7 @@ from tracker_node.tracking.parameters import numbers, value_of
 from tracker_node.tracking.renamed import RENAMED, migrated
 
 DESCRIBED = describe()
-MODALITIES = {ALONE: ["color"], MIXED: ["color", "region"], JOINT: ["color", "region"]}
+MODALITIES = {POINTS_BESIDE: ["region", "keypoints"], ALONE: ["color"], MIXED: ["color", "region"], JOINT: ["color", "region"]}
 
 
 def leaves(cls) -> int:
@@ -200,3 +201,11 @@ def test_points_with_anything_else_are_refused(modalities):
     with pytest.raises(FileFormatError, match="keypoints alone, or with region") as caught:
         from_dict({"modalities": modalities}, "my.yaml")
     assert (caught.value.file, caught.value.field) == ("my.yaml", "modalities")
+
+
+@pytest.mark.parametrize("name", ["surface_scale", "surface_wobble_m", "silhouette_share", "silhouette_limit"])
+def test_what_points_give_to_outlines_is_no_parameter_of_points_alone(name):
+    assert f"keypoints.{name}" in describe(from_dict({"modalities": ["region", "keypoints"]}))
+    assert f"keypoints.{name}" not in describe(from_dict({"modalities": ["keypoints"]}))
+    with pytest.raises(FileFormatError, match="keypoints with region"):
+        from_dict({"modalities": ["keypoints"], f"keypoints.{name}": 1.0})

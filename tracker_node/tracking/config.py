@@ -21,6 +21,7 @@ CONTOURS, COLORS = (REGION, CHAMFER), (COLOR, TEXTURE, COLOR_OVER_BACKGROUND)
 GEOMETRIC = (*CONTOURS, KEYPOINTS)  # residuals in pixels over their standard deviations
 # Tags of parameters that belong to no single modality.
 ALONE, MIXED, JOINT = "colors alone", "colors with contours", "colors with contours in one problem"
+POINTS_BESIDE = "keypoints with region"
 
 
 @dataclass(frozen=True)
@@ -172,17 +173,22 @@ class KeypointConfig:
     correlation_sets: float = parameter(10.0, "how many image sets in a row share one error of a point", "image sets", 1.0, 1e4)
     surface_scale: float = parameter(
         1.0, "factor of the spread of surfaces beside the body's shapes, which contours follow while points hold the joints", "1",
-        1e-3, 100.0,
+        1e-3, 100.0, of=(POINTS_BESIDE,),
     )  # fmt: skip
-    surface_wobble_m: float = parameter(0.01, "how far surfaces move on the body with its pose", "m", 1e-4, 1.0)
+    surface_wobble_m: float = parameter(
+        0.01, "how far surfaces move on the body with its pose", "m", 1e-4, 1.0, of=(POINTS_BESIDE,)
+    )
     error_scale: float = parameter(
         2.0, "squared errors of joints over what fits say of them, on rendered people in clothes: covariances are so much larger",
         "1", 0.1, 100.0,
     )  # fmt: skip
     silhouette_share: float = parameter(
-        0.5, "factor of the log odds of the detector's silhouettes, beside contours; 0: they are not used", "1", 0.0, 10.0
+        0.5, "factor of the log odds of the detector's silhouettes, beside contours; 0: they are not used", "1", 0.0, 10.0,
+        of=(POINTS_BESIDE,),
+    )  # fmt: skip
+    silhouette_limit: float = parameter(
+        2.0, "largest log odds of a silhouette's pixel", "1", 0.0, 20.0, of=(POINTS_BESIDE,)
     )
-    silhouette_limit: float = parameter(2.0, "largest log odds of a silhouette's pixel", "1", 0.0, 20.0)
 
 
 @dataclass(frozen=True)
@@ -429,6 +435,7 @@ class TrackerConfig:
         """What parameters may belong to (`describe`) and holds here."""
         mixed = bool(self.contours) and self.colors is not None
         more = {MIXED} if mixed else {ALONE} if self.colors else set()
+        more |= {POINTS_BESIDE} if {REGION, KEYPOINTS} <= set(self.modalities) else set()
         return frozenset(self.modalities) | more | ({JOINT} if mixed and self.combination == "joint" else set())
 
 
