@@ -28,7 +28,7 @@ from tracker_node.tracking.keypoints.crops import crops_of
 from tracker_node.tracking.tracker import Tracker
 
 RIG, PERIOD_NS = circle_rig(3), 33_333_333
-QUICK = {"modalities": ["keypoints"], "initialization.enabled": False}
+QUICK = {"modalities": ["keypoints"]}
 SMALL = np.full((480, 640, 3), 90, np.uint8)
 
 
@@ -232,3 +232,10 @@ def test_a_detector_that_lacks_a_point_of_one_side_finds_a_first_state_too():
     found = tracker().step(shot(0, [tuple(map(lacking, persons)) for persons in people(0)]))
     assert found.status is Status.TRACKING
     assert off_m(found.state, true(0)).mean() < 0.03
+
+
+def test_a_tracker_that_is_not_to_look_for_the_body_waits_for_a_state():
+    waiting = tracker(**{"initialization.enabled": False})
+    assert waiting.step(shot(0)).status is Status.INITIALIZING
+    waiting.set_state(true(1))
+    assert waiting.step(shot(1)).status is Status.TRACKING

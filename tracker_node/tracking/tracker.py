@@ -208,11 +208,11 @@ class Tracker:
         """Estimate the state for one image set."""
         began = time.perf_counter()
         images = self._images(image_set)
-        if self._late is not None and (self._track.start is None or self._track.lost >= _LOST_SETS):
-            begin = self._track.engine.find(self._late.found(image_set))
-            if begin is not None:
-                self._restart(begin)
         if self._initializer is not None:
+            if self._late is not None and (self._track.start is None or self._track.lost >= _LOST_SETS):
+                begin = self._track.engine.find(self._late.found(image_set))
+                if begin is not None:
+                    self._restart(begin)
             found = self._reinitialized(self._initializer, images, image_set)
             if found is not None:
                 return replace(found, timings=replace(found.timings, total_ms=1e3 * (time.perf_counter() - began)))
