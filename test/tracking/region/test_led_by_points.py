@@ -18,7 +18,7 @@ from tracker_node.tracking.estimate import LimbStatus, Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 from tracker_node.tracking.uncertainty.covariance import fit_covariance
 
-BOTH = {"modalities": ["region", "keypoints"], "initialization.enabled": False}
+BOTH = {"modalities": ["region", "keypoints"]}
 
 
 @pytest.fixture(scope="module")
