@@ -12,7 +12,7 @@ from scipy import sparse
 
 from benchmark.clothed.person._body import Body
 from benchmark.clothed.render._noise import TABLE, noise
-from benchmark.clothed.render._raster import vertex_normals
+from tracker_node.synthesis.scenes.rasterizer import vertex_normals
 
 SHIRT, TROUSERS, SHOES, HAIR = range(4)
 SKIN = 4

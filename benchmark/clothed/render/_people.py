@@ -11,10 +11,11 @@ from benchmark.clothed.person._clothes import Dressed
 from benchmark.clothed.person._posing import Pose, skin
 from benchmark.clothed.render._empty_scene import EmptyScene
 from benchmark.clothed.render._noise import TABLE
-from benchmark.clothed.render._raster import nearest, project, vertex_normals
+from benchmark.clothed.render._raster import nearest, project
 from benchmark.clothed.render._room import Room
 from benchmark.clothed.render._shading import SAMPLES, darken, shade
 from benchmark.clothed.render._shadows import ShadowMaps, shadow_maps
+from tracker_node.synthesis.scenes.rasterizer import vertex_normals
 
 _FOOT_MARKERS = (5, 6, 12, 13)
 

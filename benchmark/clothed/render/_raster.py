@@ -98,34 +98,3 @@ def nearest(projected, faces, culls, inverse_depth, face):
                 if z > inverse_depth[v, u]:
                     inverse_depth[v, u] = z
                     face[v, u] = f
-
-
-@nb.njit(cache=True)
-def vertex_normals(vertices, faces):
-    """Normals of vertices: those of their faces, averaged by area.
-
-    Parameters
-    ----------
-    vertices : (n, 3).
-    faces : (m, 3) vertex indices.
-
-    Returns
-    -------
-    (n, 3) unit normals.
-    """
-    normals = np.zeros_like(vertices)
-    for f in range(len(faces)):
-        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
-        x = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
-        y = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
-        z = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-        for k in range(3):
-            i = faces[f, k]
-            normals[i, 0] += x
-            normals[i, 1] += y
-            normals[i, 2] += z
-    for i in range(len(normals)):
-        length = np.sqrt(normals[i, 0] ** 2 + normals[i, 1] ** 2 + normals[i, 2] ** 2)
-        if length > 0.0:
-            normals[i] /= length
-    return normals

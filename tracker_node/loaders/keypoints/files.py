@@ -53,6 +53,25 @@ def files_of(path: str | Path, suffixes: Sequence[str]) -> list[Path]:
     return files
 
 
+def tables_by_camera(path: str | Path) -> dict[str, Path]:
+    """H5 files of the cameras, or CSV files where there are none of these.
+
+    Parameters
+    ----------
+    path : one such file, or a folder with one a camera.
+
+    Returns
+    -------
+    See `camera_keys`.
+
+    Raises
+    ------
+    FileFormatError : no such files.
+    """
+    files = files_of(path, (".h5", ".csv"))
+    return camera_keys([file for file in files if file.suffix.lower() == ".h5"] or files)
+
+
 def camera_keys(files: Iterable[Path]) -> dict[str, Path]:
     """Files by the names of their cameras: what their programs add is left out.
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import FileFormatError
 from ..csv_file import CsvTable
 from .camera_people import CameraPeople, FoundPerson, PeopleOfImages, PointsByCamera, found_points
-from .files import camera_keys, files_of, number_or_nan
+from .files import number_or_nan, tables_by_camera
 from .hdf5 import Hdf5File, open_hdf5
 from .names import check_names
 
@@ -32,9 +32,7 @@ def load_sleap(path: str | Path) -> PointsByCamera:
     FileFormatError : no such files.
     MissingExtraError : H5 files, and h5py is not installed.
     """
-    files = files_of(path, (".h5", ".csv"))
-    analyses = [file for file in files if file.suffix.lower() == ".h5"]
-    return {key: _camera(file) for key, file in camera_keys(analyses or files).items()}
+    return {key: _camera(file) for key, file in tables_by_camera(path).items()}
 
 
 def is_analysis(opened: Hdf5File) -> bool:
