@@ -1,5 +1,6 @@
 """Points on their way into a tracker node: used in time or late, listed in its states, refused by name; the tracker is held."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.people import Person
 from tracker_node.ros.conversions import image_message, message_of, stamp_ns_of
 from tracker_node.ros.qos import RESULT, images_published
-from tracker_node.ros.tracker import keypoint_inbox
+from tracker_node.ros.tracker import keypoint_inbox, point_matching
 from tracker_node.ros.tracker.image_inbox import InboxOptions
 from tracker_node.ros.tracker.node import TrackerNode, TrackerOptions
 from tracker_node.runs.messages import crops_in, keypoints
@@ -61,11 +62,14 @@ class Bench:
         probe.spin_until(lambda: all(end.get_subscription_count() for end in ends), "subscriptions")
         probe.until_known("tracker")
 
+    def send(self, i: int) -> None:
+        for publisher in self.images.values():
+            publisher.publish(image_message(i * PERIOD_NS, "f", PIXELS))
+
     def track(self, i: int) -> TrackedState:
         """Send an image set; its state."""
         n = len(self.states)
-        for publisher in self.images.values():
-            publisher.publish(image_message(i * PERIOD_NS, "f", PIXELS))
+        self.send(i)
         self.probe.spin_until(lambda: len(self.states) > n, "a state")
         return self.states[-1]
 
@@ -96,7 +100,8 @@ def points(camera: str, stamp_ns: int, n_people: int = 1) -> Keypoints:
 
 
 @pytest.fixture
-def build(probe, recording):
+def build(probe, recording, monkeypatch):
+    monkeypatch.setattr(point_matching, "_PATIENCE_S", 0.0)
     benches = []
 
     def make(*arguments) -> Bench:
@@ -124,6 +129,19 @@ def test_points_in_time_go_with_their_set_and_late_ones_with_the_next(build):
     assert used(bench.track(7)) == {"cam2": 6}
     late = bench.tracker.sets[-1].get("cam2")
     assert late.people_stamp_ns == 6 * PERIOD_NS and (late.people[0].pixels == 9.0).all()
+
+
+def test_points_are_waited_for_where_every_set_is_tracked(build, monkeypatch):
+    bench = build()
+    monkeypatch.setattr(point_matching, "_PATIENCE_S", 20.0)
+    bench.send(5)
+    bench.put(5, ["cam1", "cam2"])
+    until_s = time.monotonic() + 0.3
+    bench.probe.spin_until(lambda: time.monotonic() > until_s)
+    assert not bench.states
+    bench.put(5, ["cam3"])
+    bench.probe.spin_until(lambda: bench.states, "a state")
+    assert used(bench.states[0]) == {"cam1": 5, "cam2": 5, "cam3": 5}
 
 
 def test_what_became_of_points_is_counted(build, probe):

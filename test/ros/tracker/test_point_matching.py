@@ -1,9 +1,13 @@
 """Points meet the image sets that they are of, by their stamps: in time, late, or counted by why they are not used."""
 
+import threading
+import time
+
 import numpy as np
 import pytest
 
 from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.ros.tracker import point_matching
 from tracker_node.ros.tracker.point_matching import PointMatching
 from tracker_node.runs.points import DetectedPeople
 
@@ -118,3 +122,36 @@ def test_points_of_an_image_that_is_forgotten_are_too_old(bench):
     bench.put(5)
     assert bench.track(100) is None
     assert bench.counts == {"too old": 1}
+
+
+def waited_s(bench, i: float, cameras=("cam",), given_up=lambda: False) -> float:
+    """How long the points of the image set i are waited for."""
+    image, began_s = CameraImage("cam", round(i * PERIOD_NS), PIXELS), time.monotonic()
+    bench.matching.wait(ImageSet(image.stamp_ns, (image,)), cameras, given_up)
+    return time.monotonic() - began_s
+
+
+def test_points_are_waited_for_until_they_come(bench):
+    coming = threading.Timer(0.3, bench.put, (5,))
+    coming.start()
+    assert 0.2 < waited_s(bench, 5) < 2.0
+    assert bench.track(5) == 5
+
+
+def test_an_image_that_the_detector_has_left_out_is_not_waited_for(bench):
+    bench.put(6)
+    assert waited_s(bench, 5) < 0.1
+    assert [bench.track(i) for i in (5, 6)] == [None, 6]
+
+
+def test_nothing_is_waited_for_where_no_detector_looks_or_nobody_wants_it(bench):
+    assert waited_s(bench, 5, cameras=("other",)) < 0.1
+    assert waited_s(bench, 5, given_up=lambda: True) < 0.1
+
+
+def test_a_detector_that_sends_nothing_is_waited_for_once(bench, monkeypatch):
+    monkeypatch.setattr(point_matching, "_PATIENCE_S", 0.3)
+    assert waited_s(bench, 5) >= 0.3
+    assert waited_s(bench, 6) < 0.1
+    bench.put(6)  # it is there again
+    assert waited_s(bench, 7) >= 0.3

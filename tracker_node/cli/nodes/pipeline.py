@@ -155,7 +155,8 @@ def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool
         print(f"pipeline: without points of people: {error}", file=sys.stderr, flush=True)
         return None
     result = ["--rig", str(args.rig), "--cameras", *cameras]
-    for option, value in (("config", args.config), ("weights", args.keypoints_weights), ("rate", args.keypoints_rate)):
+    rate = 0.0 if args.keypoints_rate is None and not args.real_time else args.keypoints_rate  # the tracker waits for points
+    for option, value in (("config", args.config), ("weights", args.keypoints_weights), ("rate", rate)):
         result += [] if value is None else [f"--{option}", str(value)]
     return result
 

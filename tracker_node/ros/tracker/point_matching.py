@@ -7,7 +7,9 @@ one, where they are moved by the body's motion (`tracking.keypoints.late`). Ever
 from __future__ import annotations
 
 import threading
+import time
 from collections import Counter, deque
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 
 from ...observation.image_set import CameraImage, ImageSet
@@ -26,6 +28,8 @@ REASONS = (IN_TIME, LATE, SUPERSEDED, TOO_OLD, DUPLICATE, UNMATCHED)
 _MOST_LATE_NS = round(1e9 * MOST_LATE_S)
 _WINDOW_NS = 2 * _MOST_LATE_NS  # of stamps of images that are remembered, and by which points may be ahead of images
 _MOST_WAITING = 8  # points of a camera that may be ahead of its images
+_PATIENCE_S = 5.0  # a network takes a fraction of a second; less than what a source of images waits for the tracker
+_LOOK_S = 0.1
 
 
 @dataclass(eq=False)
@@ -50,8 +54,9 @@ class PointMatching:
 
     def __init__(self, image_period_s: float):
         self._tolerance_ns = round(1e9 * image_period_s)
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()
         self._lanes: dict[str, _Lane] = {}
+        self._silent = False  # a wait was in vain, and no points have come since
 
     def counts(self) -> dict[str, Counter[str]]:
         """Camera -> what became of its points, and how many wait."""
@@ -74,6 +79,8 @@ class PointMatching:
         camera, detected : of one image.
         """
         with self._lock:
+            self._silent = False
+            self._lock.notify_all()
             lane = self._lane(camera)
             if detected.stamp_ns in lane.had_ns:
                 lane.counts[DUPLICATE] += 1
@@ -82,6 +89,26 @@ class PointMatching:
             lane.waiting[detected.stamp_ns] = detected
             if len(lane.waiting) > _MOST_WAITING:
                 self._drop(lane, min(lane.waiting), TOO_OLD if lane.images_ns else UNMATCHED)
+
+    def wait(self, image_set: ImageSet, cameras: Collection[str], given_up: Callable[[], bool]) -> None:
+        """Wait until the points of a set have come, or cannot come any more.
+
+        A detector that sends points of a later image has left this one out. One that sends none at all is waited for once.
+
+        Parameters
+        ----------
+        image_set : the next one to be tracked.
+        cameras : of which a detector sends points.
+        given_up : whether nobody wants the set any more.
+        """
+        awaited = [image for image in image_set.images if image.camera in cameras]
+        until_s = time.monotonic() + _PATIENCE_S
+        with self._lock:
+            while not self._silent and not given_up():
+                if all(max(self._lane(image.camera).had_ns, default=-1) >= image.stamp_ns for image in awaited):
+                    return
+                self._silent = time.monotonic() > until_s
+                self._lock.wait(_LOOK_S)
 
     def saw(self, image: CameraImage) -> None:
         """An image has come that may be tracked."""
