@@ -146,8 +146,10 @@ def test_people_are_compared_by_where_their_points_are_expected(i):
     depth = np.median((points - camera.center) @ camera.T_world_cam[:3, 2])
     pixels, seen = camera.project(points)
     sigma_px = 0.10 * camera.model.K[0, 0] / depth
-    assert made._agreement(person, pixels, seen, sigma_px) == pytest.approx(by_hand(person, i, TRUE))
-    assert made._agreement(person, pixels, np.zeros_like(seen), sigma_px) == 0.0
+    agreement, sure = made._agreement(person, pixels, seen, sigma_px)
+    assert agreement == pytest.approx(by_hand(person, i, TRUE))
+    assert sure == pytest.approx(sum(person.scores[NAMES.index(name)] for name in POINTS))
+    assert made._agreement(person, pixels, np.zeros_like(seen), sigma_px) == (0.0, 0.0)
 
 
 def test_somebody_is_the_body_as_long_as_that_is_likely_enough():
@@ -160,6 +162,13 @@ def test_somebody_is_the_body_as_long_as_that_is_likely_enough():
         ratios.append(max(by_hand(person, 0, expected), by_hand(swapped(person), 0, expected)))
     assert taken == [ratio > _LEAST * len(POINTS) for ratio in ratios]
     assert all(taken[:6]) and not any(taken[20:])  # 10 cm off it is, 40 cm off it is not
+
+
+@pytest.mark.parametrize("score", [0.2, 0.5])
+def test_somebody_whose_points_are_half_hidden_is_the_body_where_they_are_and_is_not_elsewhere(score):
+    own, other = (replace(each[0], scores=np.full(len(NAMES), score)) for each in (true_people(), seen_by(RIG, AWAY)))
+    assert choice().choose([(other, own), (), ()], TRUE)[0] is own
+    assert choice().choose([(other,), (), ()], TRUE)[0] is None
 
 
 def test_points_that_were_not_found_do_not_matter():

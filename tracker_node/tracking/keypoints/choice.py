@@ -14,7 +14,7 @@ from .start import PointStart
 
 _EXPECTED_M = 0.10  # how far from where they are expected points are, as a standard deviation
 _OUTLIER = 0.15  # share of points that are anywhere
-_LEAST = 2.0  # log-likelihood ratio, a point, of the body against anybody
+_LEAST = 2.0  # log-likelihood ratio, a point that is sure, of the body against anybody
 _SWAP_PRIOR = -2.0  # log odds of a swap before anything has been seen, a person
 _SWAP_KEPT = 0.7  # share of a camera's log odds of a swap that is kept from set to set
 
@@ -69,22 +69,25 @@ class PersonChoice:
         return [self._chosen(i, persons or (), places) for i, persons in enumerate(people)]
 
     def _chosen(self, i: int, persons: tuple[Person, ...], places: np.ndarray) -> Person | None:
-        camera, best, most = self._rig.cameras[i], None, _LEAST * len(places)
+        camera, best, most = self._rig.cameras[i], None, -np.inf
         pixels, seen = camera.project(places)
         depth = float(np.median((places - camera.center) @ camera.T_world_cam[:3, 2]))
         sigma_px = _EXPECTED_M * float(camera.model.K[0, 0]) / max(depth, 0.1)
         swap = self._swaps[i] * _SWAP_KEPT + _SWAP_PRIOR * (1.0 - _SWAP_KEPT)
         for person in persons:
-            as_found = self._agreement(person, pixels, seen, sigma_px)
-            exchanged = self._agreement(mirrored(person), pixels, seen, sigma_px)
+            as_found, sure = self._agreement(person, pixels, seen, sigma_px)
+            exchanged, _ = self._agreement(mirrored(person), pixels, seen, sigma_px)
             odds = swap + exchanged - as_found
-            if max(as_found, exchanged) > most:
+            if max(as_found, exchanged) > max(most, _LEAST * sure):
                 most, best = max(as_found, exchanged), mirrored(person) if odds > 0.0 else person
                 self._swaps[i] = float(np.clip(odds, -10.0, 10.0))
         return best
 
-    def _agreement(self, person: Person, pixels: np.ndarray, seen: np.ndarray, sigma_px: float) -> float:
-        """Log-likelihood ratio of the points: where they are expected against anywhere around the person."""
+    def _agreement(self, person: Person, pixels: np.ndarray, seen: np.ndarray, sigma_px: float) -> tuple[float, float]:
+        """Log-likelihood ratio of the points, where they are expected against anywhere around the person; and their scores' sum.
+
+        Somebody who sits behind a table has points of small scores, and is as much the body as one who stands free.
+        """
         rows = [person.names.index(name) for name in self._modality.names]
         area = max((person.box[2] - person.box[0]) * (person.box[3] - person.box[1]), 1.0) * 4.0
         S = person.covariances[rows] + sigma_px**2 * np.eye(2)
@@ -93,4 +96,5 @@ class PersonChoice:
         density = np.exp(-0.5 * square) / (2.0 * np.pi * np.sqrt(np.linalg.det(S)))
         ratio = np.log((1.0 - _OUTLIER) * density * area + _OUTLIER)
         says = seen & np.isfinite(ratio)
-        return float((person.scores[rows][says] * ratio[says]).sum())
+        scores = person.scores[rows][says]
+        return float((scores * ratio[says]).sum()), float(scores.sum())
