@@ -98,6 +98,12 @@ def test_left_and_right_are_exchanged_where_one_camera_disagrees_with_two():
         assert as_found in ([True] * 3, [False] * 3)  # all three alike: the fit tells the front from the back
         if as_found == [False] * 3:
             assert all(same(a, swapped(b)) for a, b in zip(group.persons, people, strict=True))
+        assert group.n_exchanged == (1 if all(as_found) else 2)
+        other = group.exchanged()
+        assert other.n_exchanged == 3 - group.n_exchanged and other.misfit == group.misfit
+        assert all(same(a, swapped(b)) for a, b in zip(other.persons, group.persons, strict=True))
+        left, right = NAMES.index("left_knee"), NAMES.index("right_knee")
+        np.testing.assert_array_equal(other.points[[left, right]], group.points[[right, left]])
 
 
 def test_somebody_whom_one_camera_does_not_see_is_the_second():

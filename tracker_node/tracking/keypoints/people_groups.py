@@ -29,17 +29,26 @@ class PersonGroup:
     points : (n, 3) meters, world, in the order of the person's names; nan where fewer than two cameras are sure of one.
     misfit : median distance of points from their images, as a fraction of the person's size.
     size_px : of the person, in all cameras together.
+    n_exchanged : cameras in which left and right are exchanged.
     """
 
     persons: tuple[Person | None, ...]
     points: np.ndarray
     misfit: float
     size_px: float
+    n_exchanged: int = 0
 
     @property
     def count(self) -> int:
         """Cameras that see the person."""
         return sum(person is not None for person in self.persons)
+
+    def exchanged(self) -> PersonGroup:
+        """The same with left and right exchanged in all cameras, whose points meet as well."""
+        names = next(person.names for person in self.persons if person is not None)
+        persons = tuple(None if person is None else mirrored(person) for person in self.persons)
+        points = self.points[[names.index(mirrored_name(name)) for name in names]]
+        return replace(self, persons=persons, points=points, n_exchanged=self.count - self.n_exchanged)
 
 
 def mirrored(person: Person) -> Person:
@@ -68,7 +77,8 @@ def grouped(rig: CameraRig, people: PeopleSeen) -> list[PersonGroup]:
         best = _best_group(rig, seen)
         if best is None:
             return sorted(found, key=lambda group: (-group.count, -group.size_px))
-        found.append(best)
+        as_found = [any(person is each for each in persons) for person, persons in zip(best.persons, seen, strict=True)]
+        found.append(replace(best, n_exchanged=best.count - sum(as_found)))
         for i, person in enumerate(best.persons):
             if person is not None:
                 seen[i] = [each for each in seen[i] if each.score != person.score or each.box != person.box]

@@ -19,6 +19,7 @@ from .people_groups import PersonGroup, grouped
 _LEAST_PLACED = 4  # points by which a body is placed
 _SUITS = 3.0  # times what the points of the best person cost
 _MOST_GROUPS = 4  # people who are tried
+_LEAST_SEEN = 0.5  # share of the cameras of the one whom most see: a passer-by hides the body from some
 _LEAST_INLIERS = 0.5  # fraction of the points that have to be no outliers
 _TURNS = (0.0, np.pi)  # of the body about its vertical axis, tried after placing it
 
@@ -51,13 +52,19 @@ class PointStart:
         if sum(bool(persons) for persons in people) < 2:
             return None
         groups = grouped(self._rig, people)[:_MOST_GROUPS]
-        tried = [self._fitted(group) for group in groups if group.count >= max(groups[0].count - 1, 2)]
+        tried = [self._either_way(group) for group in groups if group.count >= _LEAST_SEEN * groups[0].count]
         found = [each for each in tried if each is not None]
         if not found:
             return None
         least = min(cost for _, cost in found)
         suits = [state for state, cost in found if cost <= _SUITS * least]
         return min(suits, key=lambda state: float(np.linalg.norm(state.T_world_root[:3, 3] - self._focus)))
+
+    def _either_way(self, group: PersonGroup) -> tuple[State, float] | None:
+        """The better fit: points that meet do not say whether a detector has exchanged left and right in all of these cameras."""
+        ways = [group] if 2 * group.n_exchanged < group.count else [group, group.exchanged()]
+        found = [each for each in map(self._fitted, ways) if each is not None]
+        return min(found, key=lambda each: each[1], default=None)
 
     def _fitted(self, group: PersonGroup) -> tuple[State, float] | None:
         """The body in the place of a group, and what each of its points costs; lengths that are not the body's cost."""
