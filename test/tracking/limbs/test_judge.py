@@ -161,6 +161,59 @@ def test_limbs_without_other_evidence_are_judged_by_outlines_alone():
     assert told_beside(other, seen, np.zeros(5))["right_shank"].status is LimbStatus.UNSEEN
 
 
+def sure_beside(**odds: float) -> np.ndarray:
+    """Points of all limbs are where they should be, but those of the limbs named."""
+    return np.array([odds.get(name, -6.0) for name in NAMES])
+
+
+@pytest.mark.parametrize(
+    ("close", "odds", "status"),
+    [
+        (0.85, -2.5, LimbStatus.TRACKING), (0.85, -1.5, LimbStatus.DEGRADED),  # a good outline counts for 1, ...
+        (0.40, -5.5, LimbStatus.DEGRADED), (0.40, -6.0, LimbStatus.TRACKING),  # ... a bad one (log odds of 2.7) in full
+        (0.85, 0.0, LimbStatus.DEGRADED), (0.85, np.nan, LimbStatus.TRACKING),  # guessed everywhere; no points at all
+    ],
+)  # fmt: skip
+def test_a_limb_whose_points_are_guessed_is_not_tracking_however_well_it_was_seen_before(close, odds, status):
+    judge = LimbJudge(MODEL, StatusConfig())
+    assert not statuses(told_beside(judge, evidence(), sure_beside(), 20))
+    found = told_beside(judge, evidence(left_forearm=close), sure_beside(left_forearm=odds))
+    assert found["left_forearm"].status is status and judge.probabilities[1] < StatusConfig().limb_degraded
+    assert statuses(found) == ({} if status is LimbStatus.TRACKING else {"left_forearm": status})
+    if status is LimbStatus.DEGRADED:
+        assert found["left_forearm"].reason == "hidden, or not where a detector guesses it"
+
+
+def test_a_hidden_limb_stays_degraded_until_points_confirm_it_and_does_not_change_what_is_usual_of_it():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told_beside(judge, evidence(), sure_beside(), 20)
+    usual = judge._levels.copy()
+    found = told_beside(judge, evidence(left_forearm=0.4), sure_beside(left_forearm=-4.0), 5)
+    assert statuses(found) == {"left_forearm": LimbStatus.DEGRADED}
+    np.testing.assert_allclose(judge._levels[1], usual[1])
+    assert statuses(told(judge, evidence(), 2)) == {"left_forearm": LimbStatus.DEGRADED}  # sets at which no detector looked
+    assert not statuses(told_beside(judge, evidence(), sure_beside()))
+    told_beside(judge, evidence(), sure_beside(left_forearm=0.0))
+    judge.restart()
+    assert not statuses(told(judge, evidence(), 3))
+
+
+@pytest.mark.parametrize(("sigma_m", "confirmed"), [(0.028, True), (0.032, False)])
+def test_a_limb_whose_end_is_not_known_to_a_fifth_of_lost_is_degraded(sigma_m, confirmed):
+    judge = LimbJudge(MODEL, StatusConfig())
+    told_beside(judge, evidence(), sure_beside(), 20)
+    unit = judge.tip_sigmas(STATE, np.diag(judge.limbs[1].dofs.astype(float)))[1]
+    covariance = np.diag(judge.limbs[1].dofs * (sigma_m / unit) ** 2)
+    found = {each.name: each for each in judge.update(evidence(), STATE, covariance, sure_beside())}["left_forearm"]
+    assert found.status is (LimbStatus.TRACKING if confirmed else LimbStatus.DEGRADED)
+    assert found.reason == ("" if confirmed else "its end is known to 32 mm")
+    alone = judge.update(evidence(), STATE, covariance, None)[1]  # outlines alone keep to 150 mm
+    assert alone.status is found.status
+    judge.restart()
+    told(judge, evidence(), 5)
+    assert judge.update(evidence(), STATE, covariance, None)[1].status is LimbStatus.TRACKING
+
+
 def test_a_set_of_points_and_outlines_cannot_say_more_than_the_limit():
     config = replace(StatusConfig(), evidence_limit=1.5, limb_loss=1e-6, limb_recovery=0.0)
     judge = LimbJudge(MODEL, config)

@@ -33,7 +33,7 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
 
     Returns
     -------
-    (n_limbs,) natural logarithms; 0 for one without points.
+    (n_limbs,) natural logarithms; 0 for one that is guessed everywhere, nan for one without points.
     """
     at, observed = points.at(state), points.observed
     seen = at.weights >= 0.0
@@ -46,7 +46,7 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
     scores = np.where(seen, observed[:, :, SCORE], 0.0)
     by_point = np.clip((scores * ratio).sum(axis=1) / _CORRELATION, -_LIMIT, _LIMIT)
     by_point[scores.sum(axis=1) < _LEAST_SCORE] = 0.0  # guessed everywhere: that guesses agree with each other says nothing
-    result = np.zeros(len(limbs))
+    result = np.full(len(limbs), np.nan)
     for i, limb in enumerate(limbs):
         own = limb.links[points.body.links] & seen.any(axis=1)
         if own.any():

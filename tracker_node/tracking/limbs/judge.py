@@ -29,6 +29,8 @@ _LEAST_OF_PART = 15  # samples of a part's outline in all cameras, for it to be 
 _LEAST = 1e-4  # probability that nothing is ever below
 _NOISE = 0.2  # share of the outline that is found anywhere
 _BESIDE = 1.0  # log odds by outlines that count at most where there is other evidence
+_CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set, that a limb that is seen has
+_KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
 _START = 0.3  # probability of lost that a limb starts with
 
 MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
@@ -110,6 +112,7 @@ class LimbJudge:
         """A state has been handed over; nobody knows how good it is."""
         self.was_lost = self._levels is None or self.body_lost
         self.probabilities = np.full(len(self.limbs), _START)
+        self._confirmed = np.ones(len(self.limbs), dtype=np.bool_)
 
     @property
     def knows(self) -> bool:
@@ -137,7 +140,7 @@ class LimbJudge:
         evidence : of the image set at ``state``.
         state : of the body.
         covariance : (n_dof, n_dof) of ``state`` in its tangent; None: not known.
-        others : (n_limbs,) log odds of being lost by evidence beside outlines, 0 where there is none; None: none of any limb.
+        others : (n_limbs,) log odds of being lost by the points of a detector, nan without any; None: no detector has looked.
 
         Returns
         -------
@@ -147,7 +150,7 @@ class LimbJudge:
         if self._levels is None:
             self._levels = self._first_levels(measures)
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
-        others = np.zeros(len(self.limbs)) if others is None else others
+        others = np.full(len(self.limbs), np.nan) if others is None else others
         return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i])) for i in range(len(self.limbs)))
 
     def odds(self, i: int, measures: np.ndarray) -> float:
@@ -188,21 +191,28 @@ class LimbJudge:
         if i > 0:  # what hangs on a lost trunk is lost, whatever it happens to lie on
             elsewhere = max(elsewhere, float(self.probabilities[0]))
         self.shares[i] = np.nan if measures is None else self._shares_of(i, measures)
+        outline = 0.0 if measures is None else self.odds(i, measures)
+        if i > 0 and not math.isnan(others):
+            self._confirmed[i] = others + max(outline, -_BESIDE) <= _CONFIRMED and sigma_m <= _KNOWN_M
+        others = 0.0 if math.isnan(others) else others
         if measures is None and not others:
             self.probabilities[i] = p
             return LimbReport(limb.name, LimbStatus.UNSEEN, "hidden, or in no image", 1.0 - (1.0 - p) * (1.0 - elsewhere))
-        outline = 0.0 if measures is None else self.odds(i, measures)
         if others:  # which limb it is they know; how much of an outline is found depends on clothes and walls
             outline = float(np.clip(outline, -_BESIDE, _BESIDE))
         odds = float(np.clip(outline + others, -config.evidence_limit, config.evidence_limit))
         p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
         self.probabilities[i] = p
-        if p < config.limb_degraded and measures is not None:
+        if p < config.limb_degraded and measures is not None and self._confirmed[i]:
             assert self._levels is not None
             self._levels[i] = np.maximum(self._levels[i] + _LEVEL_RATE * (measures - self._levels[i]), _LEAST_LEVELS)
         probability = 1.0 - (1.0 - p) * (1.0 - elsewhere)
         status, reason = self._status(probability), ""
-        if status is not LimbStatus.TRACKING:
+        if status is LimbStatus.TRACKING and not self._confirmed[i]:
+            status, reason = LimbStatus.DEGRADED, "hidden, or not where a detector guesses it"
+            if sigma_m > _KNOWN_M:
+                reason = f"its end is known to {1e3 * sigma_m:.0f} mm"
+        elif status is not LimbStatus.TRACKING:
             reason = "its points are elsewhere"
             if measures is not None and others <= max(outline, 0.0):
                 reason = f"{100.0 * measures[0]:.0f} % of its outline are found"
