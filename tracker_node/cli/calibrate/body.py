@@ -10,9 +10,13 @@ from ..arguments.run_images import add_run_arguments, evidence_of, load_run_imag
 
 GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
 
-SUMMARY = "make a person's body: scaled to the joints of a static trial (TRC) or to stature, or fitted to the images of a run"
+SUMMARY = (
+    "make a person's body: from the images of a recording by a detector's points, scaled to the joints of a static trial (TRC) or"
+    " to stature, or fitted to the images of a run"
+)
 EXAMPLE = (
-    "tracker_node calibrate body --trc static.trc --y-up -o scaled.yaml\n"
+    "tracker_node calibrate body --from-points rig.yaml -o person.yaml\n"
+    "  tracker_node calibrate body --trc static.trc --y-up -o scaled.yaml\n"
     "  tracker_node track --rig rig.yaml --model scaled.yaml --initial-state start.yaml --output out/run1\n"
     "  tracker_node calibrate body --from-run out/run1 -o person.yaml"
 )
@@ -34,6 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="systematic error of the lengths between joints: about 15 for detected joints, 2 for markers (default: as left and"
         " right differ)",
     )
+    points = parser.add_argument_group("from points")
+    points.add_argument(
+        "--from-points", metavar="RIG", help="rig.yaml with the videos or folders of a recording in which the person is seen"
+    )
+    points.add_argument(
+        "--keypoints", type=Path, metavar="PATH", help="points of another detector, as for track (default: the embedded one)"
+    )
+    points.add_argument("--keypoints-table", type=Path, metavar="FILE", help="keypoints.yaml: what they are on the body")
+    points.add_argument("--keypoints-weights", type=Path, metavar="FILE", help="weights of another size of the network")
     parser.add_argument("--asymmetric", action="store_true", help="keep differences between left and right")
     parser.add_argument(
         "--states",
@@ -67,7 +80,10 @@ def run(args: argparse.Namespace) -> int:
 
     if args.from_run:
         return _fit_to_images(args)
-    check(args.trc or args.stature, "--trc", "a TRC file, a stature with --stature, or a run with --from-run")
+    if args.from_points:
+        return _from_points(args)
+    expected = "a TRC file, a stature with --stature, a recording with --from-points, or a run with --from-run"
+    check(args.trc or args.stature, "--trc", expected)
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
     check(args.joint_sigma_mm is None or 0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
@@ -91,6 +107,58 @@ def run(args: argparse.Namespace) -> int:
     dump_model(scaled, args.output, _comment(scaled.name, args))
     print(f"stature {model_stature(scaled):.3f} m; wrote {args.output}")
     return 0
+
+
+def _from_points(args: argparse.Namespace) -> int:
+    """From the points of a recording's images."""
+    from ...calibration.body import model_stature
+    from ...calibration.body_from_points import body_from_points
+    from ...loaders.images.source import SourceOptions
+    from ...loaders.model.model_yaml import dump_model, load_model
+    from ...loaders.rig.rig_yaml import load_rig
+    from ...model.humans.human import human_model
+    from ...report.progress import StageProgress
+    from ...runs.config_file import load_config
+    from ...runs.image_sets import SourceStream
+    from ...runs.people.spread import people_of_sets
+    from ...tracking.config import TrackerConfig
+
+    given = args.trc or args.stature or args.states or args.rig or args.asymmetric
+    check(not given, "--from-points", "no --trc, --stature, --states, --rig or --asymmetric beside it")
+    check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
+    refuse_to_overwrite(args, args.output)
+    model = load_model(args.model) if args.model else human_model()
+    config = load_config(args.config) if args.config else TrackerConfig()
+    rig = load_rig(args.from_points)
+    stream = SourceStream(rig, config.synchronizer, SourceOptions())
+    find, table = _finder(args, rig, model, config, stream)
+    people = people_of_sets(stream, args.sets, find, (lambda *_: None) if args.quiet else StageProgress("calibrate body"))
+    try:
+        fit = body_from_points(model, rig, people, table, config)
+    except TrackerError as error:
+        raise FileFormatError(args.from_points, "(images)", "a person in two cameras at once", str(error)) from error
+    name = Path(args.from_points).name
+    dump_model(fit.model, args.output, f"{fit.model.name}, from points of {len(fit.rows)} image sets of {name}. Units: meters.")
+    print(f"{'length':20} {'change':>7} {'sigma':>6}   %")
+    for length in fit.lengths:
+        print(f"{length.name:20} {100 * length.value:+7.1f} {100 * length.sigma:6.1f}")
+    print(f"points of {len(fit.rows)} of {len(people)} image sets, {fit.residual_px:.1f} px off (median)")
+    print(f"stature {model_stature(fit.model):.3f} m; wrote {args.output}")
+    return 0
+
+
+def _finder(args: argparse.Namespace, rig, model, config, stream):
+    """What finds people in the images, and what their points are on the body."""
+    from ...model.humans.keypoints import BLAZEPOSE
+    from ...runs.people.detection import DetectionOptions, PeopleDetection
+    from ...runs.people.recorded import PointFiles, open_recorded_people
+
+    if args.keypoints is None:
+        check(args.keypoints_table is None, "--keypoints-table", "--keypoints beside it", "none")
+        return PeopleDetection(rig, config, DetectionOptions(args.keypoints_weights)).with_people, BLAZEPOSE
+    files = PointFiles(args.keypoints, args.keypoints_table, 0)
+    recorded = open_recorded_people(files, model, rig, rig, stream.image_numbers())
+    return recorded.with_people, recorded.table
 
 
 def _fit_to_images(args: argparse.Namespace) -> int:

@@ -1,0 +1,52 @@
+"""People in a few image sets of a recording, looked for in the whole images: nobody knows yet where the body is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ...observation.image_set import ImageSet
+from ...observation.keypoints.crop import Crop
+from ...tracking.modality import PeopleSeen
+from ..image_sets import ImageSetStream
+from .detection import Expecting
+
+FindPeople = Callable[[Expecting, ImageSet], ImageSet]
+
+
+class _Anywhere:
+    """Expects nobody at any place."""
+
+    def __init__(self, n_cameras: int):
+        self._n_cameras = n_cameras
+
+    def expected_crops(self, stamp_ns: int) -> list[Crop | None]:
+        return [None] * self._n_cameras
+
+
+def people_of_sets(
+    stream: ImageSetStream, n_sets: int, find: FindPeople, progress: Callable[[str, int, int], None] = lambda *_: None
+) -> list[PeopleSeen]:
+    """Everybody in some image sets, spread over a recording.
+
+    Parameters
+    ----------
+    stream : of the recording; its first sets are taken where its length is not known.
+    n_sets : image sets, at most.
+    find : `with_people` of a `PeopleDetection`, or of `RecordedPeople`.
+    progress : called with what is done, how often it has been done, and how often it will be.
+
+    Returns
+    -------
+    By image set and camera, empty where a camera has no image.
+    """
+    every = max((stream.n_expected or 0) // n_sets, 1)
+    nowhere, found = _Anywhere(len(stream.rig)), list[PeopleSeen]()
+    for row, image_set in enumerate(stream):
+        if row % every == 0:
+            seen = find(nowhere, image_set)
+            of_camera = {image.camera: image.people or () for image in seen.images}
+            found.append([of_camera.get(name, ()) for name in stream.rig.names])
+            progress("people", len(found), n_sets)
+            if len(found) == n_sets:
+                break
+    return found
