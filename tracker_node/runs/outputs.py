@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig
 from ..loaders.bag.message_types import CROPS, STATE_COVARIANCE, TRACKED_STATE
 from ..model.articulated import ArticulatedModel
+from ..model.clothes import with_surfaces
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
 from ..render.raycast.raycaster import render_mask
@@ -44,6 +46,12 @@ class Tracked:
     @property
     def model(self) -> ArticulatedModel:
         return self.configuration.model
+
+    @cached_property
+    def drawn(self) -> Configuration:
+        """The body as it is seen in images, with its clothes."""
+        surfaces = self.estimate.surfaces
+        return self.configuration if surfaces is None else Configuration(with_surfaces(self.model, surfaces), self.estimate.state)
 
     @property
     def frame_id(self) -> str:
@@ -112,7 +120,7 @@ def _state_covariance(tracked: Tracked) -> Content:
 def _mask(tracked: Tracked, camera: Camera) -> Content:
     """The silhouette; empty before a state is found."""
     empty = np.zeros((camera.model.height, camera.model.width), np.uint8)
-    pixels = render_mask(tracked.configuration, camera) if tracked.estimate.status.has_state else empty
+    pixels = render_mask(tracked.drawn, camera) if tracked.estimate.status.has_state else empty
     return messages.image(tracked.stamp_ns(camera), camera.frame_id, pixels, "mono8")
 
 
@@ -133,7 +141,7 @@ def _drawn(draw: Callable[..., np.ndarray], tracked: Tracked, camera: Camera) ->
     image = tracked.image_set.get(camera.name)
     if image is None or not tracked.estimate.status.has_state:
         return None
-    jpeg = messages.jpeg_of(draw(image.bgr, tracked.configuration, camera))
+    jpeg = messages.jpeg_of(draw(image.bgr, tracked.drawn, camera))
     return messages.compressed_image(image.stamp_ns, camera.frame_id, jpeg)
 
 

@@ -15,11 +15,13 @@ from ..camera.rig import CameraRig
 from ..loaders.bag.message_types import KEYPOINTS, message_of
 from ..loaders.bag.metadata import OfferedQos
 from ..loaders.bag.writer import BagExistsError, BagWriter
+from ..loaders.model.model_yaml import dump_model
 from ..loaders.model.urdf_writer import urdf_of
 from ..loaders.motion.motion_file import CovariancesWriter, VelocitiesWriter
 from ..loaders.motion.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
 from ..loaders.whole_file import write_whole
 from ..model.articulated import ArticulatedModel
+from ..model.clothes import with_surfaces
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
@@ -32,6 +34,7 @@ from .messages import CAMERA_INFO, Content, camera_info, keypoints
 from .outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, STRING, Tracked, recorded
 
 BAG, STATES, JOINTS, POSES, SUMMARY = "bag", "states.csv", "joints.csv", "poses.csv", "run.json"
+BODY = "body.yaml"  # as it is seen in images
 SMOOTHED, VELOCITIES, COVARIANCES = "smoothed", "velocities.csv", "covariances.csv"  # a folder, and what is only in it
 FLUSH_EVERY = 30  # image sets
 
@@ -100,6 +103,7 @@ class RunWriter:
             if (self.output / name).exists():
                 raise BagExistsError(self.output / name)
         self._count = 0
+        self._surfaces: np.ndarray | None = None
         with ExitStack() as stack:
             compression = "none" if detector is None else "zstd"
             self.bag = stack.enter_context(BagWriter(self.output / BAG, custom={"model": model.name}, compression=compression))
@@ -131,6 +135,7 @@ class RunWriter:
         image_set : the images that it was made from.
         """
         configuration, has_state = Configuration(self._model, estimate.state), estimate.status.has_state
+        self._surfaces = estimate.surfaces
         if not self._count:
             description = message_of(STRING, {"data": urdf_of(self._model)})
             self.bag.write_message(f"/{DESCRIPTION}", estimate.stamp_ns, description)
@@ -168,8 +173,11 @@ class RunWriter:
         write_summary(self.output, summary)
 
     def close(self) -> None:
-        """Finish every file."""
+        """Finish every file, and write the body as it is seen in images, where its clothes were followed."""
         self._stack.close()
+        if self._surfaces is not None:
+            seen = with_surfaces(self._model, self._surfaces)
+            dump_model(seen, self.output / BODY, f"{seen.name} as it was seen last, with its clothes. Units: meters, degrees.")
 
     def __enter__(self) -> RunWriter:
         return self

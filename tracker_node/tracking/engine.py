@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
-from ..objective.constraints.prior import Prior
+from ..objective.constraints.prior import Prior, SumObjective
 from ..objective.normal_equations import LeastSquaresObjective
-from ..objective.sum_objective import SumObjective
 from ..observation.image_set import ImageSet
 from ..optimize.fitter import Fit
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
@@ -123,6 +122,16 @@ class Judge(Protocol):
         ...
 
 
+@runtime_checkable
+class Clothed(Protocol):
+    """A modality that follows where surfaces are."""
+
+    @property
+    def surfaces(self) -> np.ndarray | None:
+        """See `Engine.surfaces`."""
+        ...
+
+
 class Choice(Protocol):
     """Chooses who of the people in the images is the body."""
 
@@ -177,6 +186,11 @@ class Engine:
         self.modalities, self.solver, self.judge, self.choice = tuple(modalities), solver, judge, choice
         self.in_information_units = in_information_units
         self._weights: np.ndarray | None = None
+
+    @property
+    def surfaces(self) -> np.ndarray | None:
+        """(n_shapes, 4) meters: where the surface of each part is beside its shape; None where no modality follows that."""
+        return next((modality.surfaces for modality in self.modalities if isinstance(modality, Clothed)), None)
 
     def reset(self) -> None:
         """Forget everything learned."""
@@ -322,6 +336,7 @@ class SequentialEngine:
     """
 
     in_information_units = True
+    surfaces = None
 
     def __init__(self, first: Engine, second: Engine):
         self._first, self._second = first, second

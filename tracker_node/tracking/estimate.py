@@ -123,6 +123,8 @@ class TrackEstimate:
     pull : (n_dof,) ``information`` times the tangent from ``state`` to the optimum of these images alone.
     second_order : (n_dof, n_dof) the second-order terms within ``covariance``.
     faults : cameras that the others contradict.
+    surfaces : (n_shapes, 4) meters: where the surface of each part is beside its shape (`model.humans.surfaces`), for drawing;
+        None where that is not followed.
     """
 
     stamp_ns: int
@@ -144,6 +146,7 @@ class TrackEstimate:
     second_order: np.ndarray | None = None
     faults: tuple[CameraFault, ...] = ()
     residual_unit: str = PX
+    surfaces: np.ndarray | None = None
 
     def landmark_covariances(self, model: ArticulatedModel) -> np.ndarray:
         """(n_landmarks, 3, 3), m^2 in world axes: the covariance of the state carried to every landmark of ``model``."""

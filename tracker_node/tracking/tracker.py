@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.rig import CameraRig
-from ..camera.rig_unit import check_metres
+from ..camera.rig import CameraRig, check_metres
 from ..errors import CalibrationError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
@@ -271,6 +270,7 @@ class Tracker:
             pull=pull,
             faults=faults,
             limbs=assessment.limbs,
+            surfaces=engine.surfaces,
         )
 
     def _compare_cameras(self, stamp_ns: int, fit: Fit, assessment: Assessment) -> tuple[CameraFault, ...]:

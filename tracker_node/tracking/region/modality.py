@@ -90,6 +90,11 @@ class RegionModality:
         self.views: list[View | None] = [None] * len(rig)
         self._latest: LineCorrespondences | None = None  # lines last drawn in the present images
 
+    @property
+    def surfaces(self) -> np.ndarray | None:
+        """(n_shapes, 4) meters: where the surface of each part is beside its shape; None where that is not followed."""
+        return None if self._surfaces is None else self._surfaces.surfaces.means
+
     def reset(self) -> None:
         """Only the colors that the model states, and the images of the background, are known."""
         self.appearance.reset()
