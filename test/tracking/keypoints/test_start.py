@@ -117,6 +117,14 @@ def test_somebody_whom_half_of_the_cameras_see_may_be_the_body_and_whom_fewer_se
         assert found is not None and off_m(found, expected).mean() < 0.03
 
 
+def test_somebody_who_is_found_twice_is_where_more_cameras_see_it():
+    """Though the other find lies nearer to where the cameras look."""
+    true, twice = standing(0.4, 0.1, 0.6), standing(0.25, 0.06, 0.6)
+    people, others = (seen_by(RIG, state, np.random.default_rng(1), 2.0) for state in (true, twice))
+    found = starting().find([(people[0], others[0]), (people[1], others[1]), (people[2],)])
+    assert found is not None and off_m(found, true).mean() < 0.05
+
+
 def test_somebody_of_another_size_is_not_the_body_though_they_stand_where_the_cameras_look():
     child = human_model(HumanMeasures.of_stature(1.1))
     near, far = standing(0.0, 0.1, 0.6, child), standing(-0.7, 0.6, 2.0)

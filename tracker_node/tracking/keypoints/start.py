@@ -20,6 +20,7 @@ _LEAST_PLACED = 4  # points by which a body is placed
 _SUITS = 3.0  # times what the points of the best person cost
 _MOST_GROUPS = 4  # people who are tried
 _LEAST_SEEN = 0.5  # share of the cameras of the one whom most see: a passer-by hides the body from some
+_LEAST_APART_M = 0.3  # roots of two people
 _LEAST_INLIERS = 0.5  # fraction of the points that have to be no outliers
 _TURNS = (0.0, np.pi)  # of the body about its vertical axis, tried after placing it
 
@@ -53,7 +54,10 @@ class PointStart:
             return None
         groups = grouped(self._rig, people)[:_MOST_GROUPS]
         tried = [self._either_way(group) for group in groups if group.count >= _LEAST_SEEN * groups[0].count]
-        found = [each for each in tried if each is not None]
+        found: list[tuple[State, float]] = []
+        for each in tried:  # who is found twice in an image is in two groups: more cameras see the first
+            if each is not None and all(_apart_m(each[0], other) > _LEAST_APART_M for other, _ in found):
+                found.append(each)
         if not found:
             return None
         least = min(cost for _, cost in found)
@@ -113,6 +117,10 @@ class PointStart:
 
 def _cost(fit: Fit) -> float:
     return fit.equations.cost if np.isfinite(fit.equations.cost) else np.inf
+
+
+def _apart_m(one: State, other: State) -> float:
+    return float(np.linalg.norm(one.T_world_root[:3, 3] - other.T_world_root[:3, 3]))
 
 
 def _focus(rig: CameraRig) -> np.ndarray:
