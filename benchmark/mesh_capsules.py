@@ -17,9 +17,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from tracker_node.model.humans.surfaces18 import nurbs_human
-from tracker_node.model.shapes.mesh_capsules import capsules_in_mesh
-from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
-from tracker_node.model.shapes.round_cones import point_gaps
+from tracker_node.model.shapes.capsules import capsules_in_mesh
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone, point_gaps
 from tracker_node.render.opengl.tessellation import tessellate
 from tracker_node.report.metrics_file import report_metrics
 

@@ -16,7 +16,7 @@ Surgeons (1965).
 COMMENTS = {
     nurbs_human: f"""nurbs_human, a measured man of 1.81 m.
 {BODY}Each segment is a bicubic B-spline surface through stadium cross-sections (Yeadon's levels), closed by domes.
-Written by tools/write_models.py; tracker_node/model/humans/anthropometry.py and segments18.py explain the numbers.""",
+Written by tools/write_models.py; tracker_node/model/humans/segments18.py explains the numbers.""",
     ellipsoid_human: f"""ellipsoid_human, a man of 1.81 m.
 {BODY}Each ellipsoid has the center and the second moments of the segment of nurbs_human; docs/bodies.md says how they differ.
 Written by tools/write_models.py from tracker_node/model/humans/surfaces18.py.""",

@@ -19,8 +19,8 @@ from pathlib import Path
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.doctor.diagnosis import examine
-from tracker_node.doctor.finding import Finding
 from tracker_node.doctor.recording import CameraRecording
+from tracker_node.doctor.setup import Finding
 from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.loaders.rig.rig_yaml import load_rig

@@ -20,9 +20,8 @@ import numpy as np
 from tracker_node.observation import keypoints
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.observation.keypoints.blazepose import NAMES, BlazePose, BlazePoseFiles
-from tracker_node.observation.keypoints.checked import checked
 from tracker_node.observation.keypoints.crop import Crop
-from tracker_node.observation.keypoints.people import People, Person, Silhouette
+from tracker_node.observation.keypoints.people import People, Person, Silhouette, checked
 
 _CODE = tuple(path.read_bytes() for path in sorted(Path(keypoints.__file__).parent.glob("*.py")))  # as it has been loaded
 _NEAR_CENTER, _NEAR_SIZE, _NEAR_RAD = 0.04, 0.06, 0.08  # shares of a crop's size, and its angle

@@ -13,7 +13,7 @@ from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.surfaces18 import ellipsoid_human
-from tracker_node.synthesis.scenes.background import cluttered_background
+from tracker_node.synthesis.scenes.room import cluttered_background
 
 POSTURE_DEG = {
     f"{side}_{axis}": degrees

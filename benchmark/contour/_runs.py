@@ -20,7 +20,7 @@ from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from tracker_node.evaluation.metrics import LOST_LIMB_M
 from tracker_node.evaluation.truth.files import load_truth
-from tracker_node.evaluation.truth.landmarks import LIMBS
+from tracker_node.evaluation.truth.states import LIMBS
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig

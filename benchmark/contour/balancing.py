@@ -37,7 +37,7 @@ from benchmark.contour._runs import setting
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import ErrorSeries, Evaluation
 from tracker_node.evaluation.metrics import LOST_JOINT_M
-from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
+from tracker_node.evaluation.truth.states import EVALUATED_JOINTS
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet

@@ -33,7 +33,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.report.metrics_file import print_metrics, write_metrics
-from tracker_node.synthesis.scenes.background import cluttered_background
+from tracker_node.synthesis.scenes.room import cluttered_background
 from tracker_node.tracking.estimate import Status
 
 SIZE = (0.20, 0.12, 0.08)

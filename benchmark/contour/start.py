@@ -32,7 +32,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.truth.association import Trajectories, truth_at
 from tracker_node.evaluation.truth.files import load_truth
-from tracker_node.evaluation.truth.landmarks import EVALUATED_JOINTS
+from tracker_node.evaluation.truth.states import EVALUATED_JOINTS
 from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State

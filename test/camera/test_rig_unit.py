@@ -5,7 +5,7 @@ import pytest
 
 from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
-from tracker_node.camera.rig_unit import check_metres, wrong_unit
+from tracker_node.camera.rig import check_metres, wrong_unit
 from tracker_node.errors import TrackerError
 
 EYES = ((3.0, 0.3, 1.2), (-2.0, 2.5, 1.1), (-1.5, -2.6, 1.3))

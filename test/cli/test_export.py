@@ -15,8 +15,7 @@ from tracker_node.cli.main import main
 from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.motion.c3d_file import load_c3d
-from tracker_node.loaders.motion.opensim_table import load_table
-from tracker_node.loaders.motion.trc import load_trc
+from tracker_node.loaders.motion.trc import load_table, load_trc
 
 
 @pytest.fixture(scope="module")

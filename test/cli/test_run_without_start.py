@@ -11,7 +11,6 @@ from helpers.sources.tables import read_numbers
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.images import image_of
 from tracker_node.loaders.bag.reader import BagReader
-from tracker_node.loaders.motion.opensim_table import load_table
 from tracker_node.loaders.motion.trajectory_file import (
     JointTrajectory,
     StateRow,
@@ -21,7 +20,7 @@ from tracker_node.loaders.motion.trajectory_file import (
     write_joints,
     write_states,
 )
-from tracker_node.loaders.motion.trc import load_trc
+from tracker_node.loaders.motion.trc import load_table, load_trc
 from tracker_node.model.configuration import Configuration
 from tracker_node.runs.load import load_run
 from tracker_node.studio.playback.page import AskedCurve, AskedRow, PlaybackPage

@@ -13,10 +13,9 @@ from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.doctor import report
 from tracker_node.doctor.diagnosis import Examination
 from tracker_node.doctor.epipolar_motion import ImageMotion
-from tracker_node.doctor.finding import Finding
 from tracker_node.doctor.geometry import Diagnosis
 from tracker_node.doctor.recording import CameraRecording
-from tracker_node.doctor.setup import Setup
+from tracker_node.doctor.setup import Finding, Setup
 
 LENS = CameraModel(480, 240, np.array([[300.0, 0.0, 239.5], [0.0, 300.0, 119.5], [0.0, 0.0, 1.0]]))
 MIDDLE = np.array([0.0, 0.0, 1.0])

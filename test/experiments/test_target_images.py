@@ -17,7 +17,7 @@ from tracker_node.model.humans.surfaces18 import ellipsoid_human
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.backends import BACKENDS
 from tracker_node.render.opengl.renderer import RendererError
-from tracker_node.synthesis.scenes.background import cluttered_background
+from tracker_node.synthesis.scenes.room import cluttered_background
 
 LENS = CameraModel(192, 144, np.array([[200.0, 0.0, 95.5], [0.0, 200.0, 71.5], [0.0, 0.0, 1.0]]))
 BENT = CameraModel(192, 144, LENS.K, "plumb_bob", np.array([-0.25, 0.1, 0.004, -0.003, 0.0]))

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tracker_node.model.configuration import State
-from tracker_node.objective.constraints.prior import Prior
+from tracker_node.objective.constraints.prior import Prior, SumObjective
 from tracker_node.objective.normal_equations import NormalEquations
-from tracker_node.objective.sum_objective import SumObjective
 
 STATE = State(np.eye(4), np.zeros(1))
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tracker_node.observation.set_accounts import SetAccounts
+from tracker_node.observation.synchronizer import SetAccounts
 
 T = 10  # tolerance
 

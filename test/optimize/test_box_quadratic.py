@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from tracker_node.optimize.box_quadratic import minimize_quadratic
+from tracker_node.optimize.levenberg_marquardt import minimize_quadratic
 
 
 def problem(seed: int, n: int, correlation: float):

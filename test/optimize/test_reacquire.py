@@ -6,7 +6,7 @@ import pytest
 from helpers.bodies.textured_plate import MODEL, TRUE, errors, film, moved, rig
 from tracker_node.objective.points.texture import TextureObjective
 from tracker_node.optimize.alignment import align
-from tracker_node.optimize.reacquire import ReacquireOptions, reacquire
+from tracker_node.optimize.robust_fit import ReacquireOptions, reacquire
 from tracker_node.optimize.robust_start import RobustStartOptions
 
 OPTIONS = ReacquireOptions(RobustStartOptions(0.3, 0.6, 2000, rounds=1, keep=24, row_step=8))

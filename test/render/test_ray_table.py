@@ -7,7 +7,7 @@ import pytest
 
 from helpers.cameras.render_scenes import LENSES
 from tracker_node.camera.model import CameraModel
-from tracker_node.render.ray_table import MadeOnce, ray_table
+from tracker_node.render.shape_arrays import MadeOnce, ray_table
 
 K = np.array([[300.0, 0.0, 160.0], [0.0, 300.0, 120.0], [0.0, 0.0, 1.0]])
 STRONG = {

@@ -13,8 +13,7 @@ from helpers.ros.processes import wait_until
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.diagnostics import Diagnostics, QosMismatches
 from tracker_node.ros.executor import make_executor
-from tracker_node.ros.qos import RESULT, images_published, images_subscribed
-from tracker_node.ros.sequence_gaps import SequenceGaps, with_number
+from tracker_node.ros.qos import RESULT, SequenceGaps, images_published, images_subscribed, with_number
 from tracker_node.ros.tracker.image_inbox import ImageInbox, InboxOptions
 
 CAMERA = "cam1"

@@ -11,7 +11,7 @@ from starlette.websockets import WebSocket
 from helpers.cameras.small_clip import make_clip
 from helpers.studio.studio_process import running_studio
 from tracker_node.studio.endpoints import Answer
-from tracker_node.studio.security import Access, OnlyOwnPages
+from tracker_node.studio.server import Access, OnlyOwnPages
 
 
 class Client:

@@ -4,8 +4,7 @@ import asyncio
 import json
 
 from tracker_node.studio.endpoints import get
-from tracker_node.studio.security import Access
-from tracker_node.studio.server import make_app
+from tracker_node.studio.server import Access, make_app
 from tracker_node.studio.session import StudioFiles, StudioSession, open_session
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from helpers.studio.small_studio import Recording, recording
 from tracker_node.errors import FileFormatError
-from tracker_node.objective.sum_objective import SumObjective
+from tracker_node.objective.constraints.prior import SumObjective
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.engines import make_engine
 from tracker_node.tracking.estimate import Status, TrackEstimate

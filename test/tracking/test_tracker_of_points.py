@@ -20,7 +20,7 @@ from helpers.bodies.detected_people import (
 )
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.keypoint_tables import COCO_17
+from tracker_node.model.humans.keypoints import COCO_17
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status, TrackEstimate

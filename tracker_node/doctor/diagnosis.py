@@ -11,13 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.rig import Camera, CameraRig
-from ..camera.rig_unit import wrong_unit
-from .finding import FAULTS, Finding
+from ..camera.rig import Camera, CameraRig, wrong_unit
 from .geometry import Correction, Diagnosis, diagnose
 from .motion import common_grid, motion_on_grid
 from .recording import CameraRecording
-from .setup import Setup
+from .setup import FAULTS, Finding, Setup
 from .video import rate_problems, size_problems, source_problems, video_problems
 
 _LEAST_AGREEMENT = 0.35

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..camera.rig import Camera, CameraRig
 from ..errors import SourceError, TrackerError, UnknownNameError
-from ..loaders.bag.files import STORAGE_SUFFIXES
+from ..loaders.bag.metadata import STORAGE_SUFFIXES
 from ..loaders.images.source import ImageSource, open_camera_source_of_any_size
 from .recording import CameraRecording
 

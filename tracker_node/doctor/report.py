@@ -13,9 +13,8 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..report.page import PageSection, write_page
 from .diagnosis import Examination
-from .finding import FAULTS, Finding
 from .recording import CameraRecording
-from .setup import Setup
+from .setup import FAULTS, Finding, Setup
 
 PAGE, JSON = "index.html", "findings.json"
 _LONGER_SIDE = 960

@@ -1,9 +1,12 @@
-"""Cameras, what moves in their images, and how much of a say each pair of them has."""
+"""Cameras, what moves in their images, and how much of a say each pair of them has.
+
+What the doctor can find.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -103,3 +106,38 @@ class Setup:
 def _sine(a: np.ndarray, b: np.ndarray) -> float:
     lengths = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(np.linalg.norm(np.cross(a, b))) / lengths if lengths > 0.0 else 0.0
+
+
+FAULTS = {
+    "source": "no images",
+    "resolution": "wrong resolution",
+    "swapped": "swapped cameras",
+    "mirrored": "mirrored axis",
+    "unit": "wrong unit",
+    "place": "wrong place of a camera",
+    "moved": "camera moved during the recording",
+    "focal": "wrong focal length",
+    "clock": "clock offset",
+    "exposure": "exposure changes",
+    "interlaced": "interlaced video",
+    "repeated": "repeated images",
+    "rate": "too low image rate",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong.
+
+    Parameters
+    ----------
+    fault : key of `FAULTS`.
+    cameras : those it concerns; empty for the whole rig.
+    sentence : what is wrong, in plain words, and what to do.
+    values : the measured numbers behind it.
+    """
+
+    fault: str
+    cameras: tuple[str, ...]
+    sentence: str
+    values: dict[str, float] = field(default_factory=dict)

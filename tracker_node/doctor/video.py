@@ -9,9 +9,9 @@ import numpy as np
 
 from ..camera.rig import Camera
 from ..observation.deinterlace import COMB_THRESHOLD
-from .finding import Finding
 from .motion import period_ns, speed
 from .recording import CameraRecording
+from .setup import Finding
 
 _MOVED_SHARE = 0.004  # of the image's longer side
 _EXPOSURE_CHANGE = 0.07

@@ -18,8 +18,7 @@ from .metrics import Spread, intervals, reacquisition_times, spread_of, times_wi
 from .state_errors import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
 from .truth.association import image_period_ns
 from .truth.files import Truth
-from .truth.landmarks import common_bones
-from .truth.states import TrueStates
+from .truth.states import TrueStates, common_bones
 
 STAGES = ("observe", "optimize", "total")
 PERCENTILES = (50, 95, 99)

@@ -11,8 +11,7 @@ from ..errors import UnknownNameError
 from ..geometry import se3
 from .kinematic_chain import KinematicChain
 from .shapes.capsules import inner_capsules
-from .shapes.primitives import Primitive
-from .shapes.round_cones import END, START
+from .shapes.primitives import END, START, Primitive
 
 DEFAULT_COLOR_RGB = (180, 180, 180)  # of a shape whose color nobody has stated
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..objective.constraints.prior import Prior
+from ..objective.constraints.prior import Prior, SumObjective
 from ..objective.normal_equations import Comparison, Correspondences, LeastSquaresObjective, NormalEquations
-from ..objective.sum_objective import SumObjective
 from .levenberg_marquardt import LevenbergMarquardtOptions, OptimizerResult, clip_to_limits, minimize, stepped
 
 

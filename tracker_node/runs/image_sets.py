@@ -21,7 +21,7 @@ from ..loaders.images.source import ImageSource, SourceOptions, open_camera_sour
 from ..observation.image_set import CameraImage, ImageSet
 from ..tracking.config import SynchronizerConfig
 from .messages import CAMERA_INFO, lens_of
-from .people.bag import BagPoints
+from .people.recorded import BagPoints
 from .points import with_people
 from .set_formation import SetFormation
 

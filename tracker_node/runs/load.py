@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
-from ..loaders.bag.files import STORAGE_SUFFIXES
 from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE
+from ..loaders.bag.metadata import STORAGE_SUFFIXES
 from ..loaders.bag.reader import BagReader
 from ..loaders.json_values import read_json
 from ..loaders.motion.motion_file import CovarianceTrajectory, read_covariances

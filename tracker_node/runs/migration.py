@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
-from ..loaders.bag.files import STORAGE_SUFFIXES
 from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, MessageType, message_of, typestore
+from ..loaders.bag.metadata import STORAGE_SUFFIXES
 from ..loaders.bag.reader import BagMessage, BagReader
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.config_yaml import dump_parameters, load_parameters

@@ -25,7 +25,7 @@ from ..report.metrics_file import command_line, cpu, versions
 from ..tracking.config import KEYPOINTS, TrackerConfig, flatten
 from ..tracking.estimate import GRAY_LEVELS, PX, Status, TrackEstimate
 from ..tracking.tracker import Tracker
-from ..tracking.uncertainty.observability import unobservable
+from ..tracking.uncertainty.covariance import unobservable
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import run_stream
 from .load import run_info

@@ -16,7 +16,7 @@ from ..observation.image_set import CameraImage, ImageSet
 from .image_sets import ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
 from .load import state_messages
 from .messages import CAMERA_INFO
-from .people.bag import BagPoints
+from .people.recorded import BagPoints
 from .points import with_people
 
 

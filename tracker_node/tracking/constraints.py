@@ -8,8 +8,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.constraints.collision import CollisionObjective
-from ..objective.constraints.coupling import CouplingObjective
-from ..objective.constraints.prior import Prior
+from ..objective.constraints.prior import CouplingObjective, Prior
 from ..objective.normal_equations import LeastSquaresObjective
 from .config import MotionConfig, TrackerConfig
 

@@ -11,9 +11,8 @@ from ..model.articulated import ArticulatedModel
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..parallel import Workers
 from ..render.occluders import Occluders
-from .chamfer.fitting import ChamferFitting
 from .chamfer.judge import ChamferJudge
-from .chamfer.modality import FINE, ChamferModality
+from .chamfer.modality import FINE, ChamferFitting, ChamferModality
 from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, KEYPOINTS, REGION, TEXTURE, ColorConfig, TrackerConfig
 from .engine import AnyEngine, Engine, JointEngine, SequentialEngine
 from .keypoints.choice import PersonChoice

@@ -21,7 +21,7 @@ from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.runs.images import chosen_rows, velocity_at
 from tracker_node.runs.load import load_run
 from tracker_node.runs.messages import IMAGE, image
-from tracker_node.studio.playback.run import open_run
+from tracker_node.studio.playback.page import open_run
 from tracker_node.studio.session import StudioFiles, open_session
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status

@@ -10,7 +10,7 @@ from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
 from tracker_node.experiments.cross import methods as _cross_methods
 from tracker_node.experiments.cross import scene as _cross_scene
-from tracker_node.experiments.cross.film import Footage
+from tracker_node.experiments.cross.scene import Footage
 
 PICTURES = ("fig3_plan", "fig7_side_mask", "fig8_twist_mask", "fig9_side_pose", "fig10_twist_pose", "side_video", "twist_errors")
 

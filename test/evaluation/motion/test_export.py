@@ -19,10 +19,10 @@ from helpers.bodies.two_links import two_links
 from tracker_node.errors import FileFormatError, ModelError, UnknownNameError
 from tracker_node.evaluation.motion.coordinates import load_coordinates, model_coordinates, opensim_coordinates
 from tracker_node.evaluation.motion.export import FORMATS, ExportOptions, markers_of
-from tracker_node.evaluation.motion.export_csv import TABLES, tables, write_tables
 from tracker_node.evaluation.motion.isb_angles import isb_angles
 from tracker_node.evaluation.motion.kinematics import state_kinematics
-from tracker_node.loaders.motion.opensim_table import NumberTable, dump_table
+from tracker_node.evaluation.motion.run_export import TABLES, tables, write_tables
+from tracker_node.loaders.motion.trc import NumberTable, dump_table
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State, from_variables
 from tracker_node.model.humans.human import human_model

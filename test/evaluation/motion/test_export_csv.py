@@ -8,8 +8,8 @@ import pytest
 from helpers.bodies.moving_person import moving
 from helpers.bodies.two_links import two_links
 from tracker_node.evaluation.motion.export import ExportOptions
-from tracker_node.evaluation.motion.export_csv import TABLES, MotionTable, tables, write_tables
 from tracker_node.evaluation.motion.kinematics import StateKinematics
+from tracker_node.evaluation.motion.run_export import TABLES, MotionTable, tables, write_tables
 from tracker_node.model.articulated import Landmark
 
 Z_UP, Y_UP = ExportOptions(y_up=False), ExportOptions(y_up=True)

@@ -9,8 +9,8 @@ import pytest
 from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.metrics import times_with_gaps
+from tracker_node.evaluation.report.builder import curves
 from tracker_node.evaluation.report.charts import error_chart, joint_map, status_strips
-from tracker_node.evaluation.report.curves import curves
 from tracker_node.evaluation.report.tables import loss_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories

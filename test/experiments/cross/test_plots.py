@@ -4,7 +4,7 @@ import numpy as np
 
 from helpers.bodies.wooden_cross import cross
 from tracker_node.camera.rig import CameraRig
-from tracker_node.experiments.cross import plots as cross_plots
+from tracker_node.experiments.cross import experiment as cross_plots
 from tracker_node.experiments.cross.throw import cross_rig, twisting_somersault
 from tracker_node.experiments.rigid_tracking import moved
 

@@ -7,7 +7,7 @@ import pytest
 
 from helpers.bodies.wooden_cross import cross as model_of_cross
 from tracker_node.experiments.cross import throw as cross
-from tracker_node.experiments.cross.film import TapeFaults, film
+from tracker_node.experiments.cross.scene import TapeFaults, film
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.configuration import Configuration, to_variables
 from tracker_node.observation.deinterlace import comb_ratio, interpolate_lines

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.experiments.cross.film import TapeFaults, along_lines, record
+from tracker_node.experiments.cross.scene import TapeFaults, along_lines, record
 
 QUIET = TapeFaults(luma_noise=0.0, chroma_noise=0.0)
 

@@ -24,8 +24,7 @@ from tracker_node.loaders.keypoints.table import dump_keypoint_table, load_keypo
 from tracker_node.loaders.model.mesh_file import read_mesh, write_mesh, write_texture
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state, load_state
-from tracker_node.loaders.motion.opensim_table import dump_table, load_table
-from tracker_node.loaders.motion.trc import load_trc
+from tracker_node.loaders.motion.trc import dump_table, load_table, load_trc
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.control_points import load_clicks, load_control_points, load_places
 from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
@@ -33,7 +32,7 @@ from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, rig_file_
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoint_tables import COCO_17
+from tracker_node.model.humans.keypoints import COCO_17
 from tracker_node.runs.config_file import dump_config, load_config
 from tracker_node.tracking.config import TrackerConfig
 

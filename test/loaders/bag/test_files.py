@@ -8,7 +8,7 @@ import pytest
 import zstandard
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.bag.files import check_room
+from tracker_node.loaders.bag.metadata import check_room
 from tracker_node.loaders.bag.reader import BagReader
 
 METADATA = """rosbag2_bagfile_information:

@@ -3,7 +3,7 @@
 import pytest
 
 from tracker_node.errors import UnknownNameError
-from tracker_node.loaders.keypoints.cameras import match_files
+from tracker_node.loaders.keypoints.camera_people import match_files
 
 CASES = [
     (["cam01", "cam02"], ["cam01", "cam02"], [0, 1]),

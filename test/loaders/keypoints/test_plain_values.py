@@ -6,7 +6,7 @@ from decimal import Decimal
 
 import pytest
 
-from tracker_node.loaders.keypoints.plain_values import plain_value
+from tracker_node.loaders.keypoints.hdf5 import plain_value
 
 VALUES = [[("net", "nose", "x"), ("net", "nose", "y")], [], (), [1, -2, 300, 70000, 2**40, 0.5, None], ("a", ("b", ["c"])), "é\n"]
 

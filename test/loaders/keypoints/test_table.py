@@ -8,8 +8,7 @@ from tracker_node.loaders.keypoints.table import dump_keypoint_table, load_keypo
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoint_tables import TABLES
-from tracker_node.model.humans.keypoints import LandmarkPoint
+from tracker_node.model.humans.keypoints import TABLES, LandmarkPoint
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.motion.opensim_table import NumberTable, dump_table, load_table
+from tracker_node.loaders.motion.trc import NumberTable, dump_table, load_table
 
 HEADER = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\n\nendheader\n"
 TEXT = HEADER + "time\tknee_angle_r\thip_r\n0.0\t10\t20\n0.5\t30\tnan\n"

@@ -11,8 +11,7 @@ import pytest
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import se3
-from tracker_node.loaders.rig.opencv_nodes import read_storage
-from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
+from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv, read_storage
 
 MATRIX = np.array([[1681.25, 0.0, 533.0], [0.0, 1.5e-7, -948.125], [0.0, 0.0, 1.0]])
 N_FUZZED = 300  # of each format

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from tracker_node.model.humans import anthropometry as man
+from tracker_node.model.humans import segments18 as man
 
 
 def test_sections():

@@ -5,7 +5,7 @@ import pytest
 from tracker_node.errors import UnknownNameError
 from tracker_node.loaders.keypoints import names
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoint_tables import TABLES, table_of
+from tracker_node.model.humans.keypoints import TABLES, table_of
 from tracker_node.model.humans.measures import mirrored_name
 from tracker_node.model.humans.segments18 import body_landmarks
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.model.shapes.capsules import inner_capsules
-from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
-from tracker_node.model.shapes.round_cones import END, END_RADIUS, START, START_RADIUS
+from tracker_node.model.shapes.primitives import END, END_RADIUS, START, START_RADIUS, Box, Ellipsoid, TruncatedCone
 
 SHAPES = {
     "tube": TruncatedCone(0.05, 0.05, 0.0, -0.2, 0.3),

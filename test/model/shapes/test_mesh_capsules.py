@@ -7,9 +7,8 @@ import trimesh
 from helpers.bodies.mesh_solids import ball, box, cone, is_inside, joined, outer_vertices, rod
 from tracker_node.geometry import so3
 from tracker_node.model.humans.surfaces18 import nurbs_human
-from tracker_node.model.shapes.mesh_capsules import capsules_in_mesh
-from tracker_node.model.shapes.primitives import Mesh
-from tracker_node.model.shapes.round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, point_gaps
+from tracker_node.model.shapes.capsules import capsules_in_mesh
+from tracker_node.model.shapes.primitives import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, Mesh, point_gaps
 
 
 def turned(mesh: Mesh, rotation, shift=(0.0, 0.0, 0.0)) -> Mesh:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.model.shapes.round_cones import N_CAPSULE, count_held, nearest_on, point_gap, point_gaps
+from tracker_node.model.shapes.primitives import N_CAPSULE, count_held, nearest_on, point_gap, point_gaps
 
 
 def cone(start, start_radius: float, end, end_radius: float) -> np.ndarray:

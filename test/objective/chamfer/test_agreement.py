@@ -6,8 +6,16 @@ import pytest
 from helpers.bodies.two_links import cameras, two_links
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.objective.chamfer.agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
-from tracker_node.objective.chamfer.correspondences import ContourBody, ContourCorrespondences, ContourOptions, EvidenceMaps
+from tracker_node.objective.chamfer.correspondences import (
+    BOUNDARY,
+    ON_BOUNDARY,
+    ON_OUTLINE,
+    OUTLINE,
+    ContourBody,
+    ContourCorrespondences,
+    ContourOptions,
+    EvidenceMaps,
+)
 from tracker_node.observation.chamfer.boundary import boundary_points
 from tracker_node.observation.chamfer.distance_transform import signed_distance
 from tracker_node.render.raycast.raycaster import render_mask

@@ -9,11 +9,15 @@ import pytest
 from helpers.bodies.two_links import cameras, two_links
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State
-from tracker_node.objective.chamfer.agreement import ON_BOUNDARY
-from tracker_node.objective.chamfer.correspondences import ContourBody, ContourCorrespondences, ContourOptions, EvidenceMaps
-from tracker_node.objective.constraints.prior import Prior
+from tracker_node.objective.chamfer.correspondences import (
+    ON_BOUNDARY,
+    ContourBody,
+    ContourCorrespondences,
+    ContourOptions,
+    EvidenceMaps,
+)
+from tracker_node.objective.constraints.prior import Prior, SumObjective
 from tracker_node.objective.per_camera import serial
-from tracker_node.objective.sum_objective import SumObjective
 
 
 def smooth_maps(seed: int, offset: float = 0.0) -> EvidenceMaps:

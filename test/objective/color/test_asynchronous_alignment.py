@@ -5,7 +5,7 @@ import pytest
 
 from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
 from tracker_node.objective.color.alignment import PhotometricObjective, PhotometricOptions
-from tracker_node.objective.color.asynchronous_alignment import AsynchronousPhotometricObjective
+from tracker_node.objective.color.asynchronous import AsynchronousPhotometricObjective
 from tracker_node.optimize.alignment import AlignmentOptions, align
 
 OPTIONS = PhotometricOptions("raw", levels=2)

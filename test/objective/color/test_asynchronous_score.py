@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.late_camera import LATE, MODEL, RIG, STATE, VELOCITY, images
-from tracker_node.objective.color.asynchronous_score import AsynchronousObjective
+from tracker_node.objective.color.asynchronous import AsynchronousObjective
 from tracker_node.objective.color.score import ColorObjective, ColorOptions, Outcome
 
 

@@ -8,7 +8,7 @@ from tracker_node.camera.light import COS_OUTER, DIRECTIONAL, KIND, POINT, SPOT,
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.shapes.primitives import Box
-from tracker_node.objective.color.constants import ColorConstants
+from tracker_node.objective.color.views import ColorConstants
 
 SUN = Light("directional", (0.5, 0.5, 0.5), direction=(0, 0, -1))
 SPOTLIGHT = Light("spot", (0.5, 0.5, 0.5), (0, 0, 3), (0, 0, -1), 0.5)

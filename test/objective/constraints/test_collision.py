@@ -13,10 +13,8 @@ from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
-from tracker_node.objective.constraints.collision import CollisionObjective
-from tracker_node.objective.constraints.collision_kernels import round_cone_gap
-from tracker_node.objective.constraints.prior import Prior
-from tracker_node.objective.sum_objective import SumObjective
+from tracker_node.objective.constraints.collision import CollisionObjective, round_cone_gap
+from tracker_node.objective.constraints.prior import Prior, SumObjective
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 
 HUMAN = human_model()

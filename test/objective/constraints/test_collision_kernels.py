@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from tracker_node.geometry import se3
-from tracker_node.objective.constraints import collision_kernels as ck
-from tracker_node.objective.constraints.collision_kernels import (
-    add_collisions,
-    deepest,
-    pair_gaps,
-    place_capsules,
-    round_cone_gap,
-)
+from tracker_node.objective.constraints import collision as ck
+from tracker_node.objective.constraints.collision import add_collisions, deepest, pair_gaps, place_capsules, round_cone_gap
 
 
 def cone(start, r0, end, r1):

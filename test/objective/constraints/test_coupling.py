@@ -7,9 +7,7 @@ from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.errors import UnknownNameError
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import Axis, Following, Joint, KinematicChain
-from tracker_node.objective.constraints.coupling import CouplingObjective
-from tracker_node.objective.constraints.prior import Prior
-from tracker_node.objective.sum_objective import SumObjective
+from tracker_node.objective.constraints.prior import CouplingObjective, Prior, SumObjective
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 
 X = (1.0, 0.0, 0.0)

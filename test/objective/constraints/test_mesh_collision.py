@@ -16,8 +16,7 @@ from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Mesh
 from tracker_node.objective.constraints.collision import CollisionObjective
-from tracker_node.objective.constraints.prior import Prior
-from tracker_node.objective.sum_objective import SumObjective
+from tracker_node.objective.constraints.prior import Prior, SumObjective
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.constraints import constraints_of

@@ -5,9 +5,8 @@ import pytest
 
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import State
-from tracker_node.objective.constraints.prior import Prior
+from tracker_node.objective.constraints.prior import Prior, SumObjective
 from tracker_node.objective.normal_equations import NormalEquations
-from tracker_node.objective.sum_objective import SumObjective
 
 N = 8
 

@@ -11,8 +11,7 @@ from helpers.numeric.finite_difference import numerical_jacobian
 from helpers.numeric.naive import render_color
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.objective.points.photometry import PhotometryOptions, SurfacePhotometry, features_of
-from tracker_node.objective.points.photometry_kernels import COST, COUNT
+from tracker_node.objective.points.photometry import COST, COUNT, PhotometryOptions, SurfacePhotometry, features_of
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 
 RIG = CameraRig(tuple(replace(camera, model=camera.model.resized(320, 240)) for camera in cameras()))

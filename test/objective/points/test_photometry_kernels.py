@@ -7,7 +7,7 @@ import pytest
 
 from tracker_node.camera.model import CameraModel
 from tracker_node.geometry import se3
-from tracker_node.objective.points.photometry_kernels import COST, COUNT, N_SUMS, WEIGHT, WEIGHTED_SQUARES, add_points, mirror
+from tracker_node.objective.points.photometry import COST, COUNT, N_SUMS, WEIGHT, WEIGHTED_SQUARES, add_points, mirror
 
 MODEL = CameraModel(64, 48, np.array([[100.0, 0.5, 30.0], [0.0, 110.0, 22.0], [0.0, 0.0, 1.0]]))
 T_CAM = se3.exp(np.array([0.1, -0.05, 0.2, 0.3, -0.2, 0.15]))

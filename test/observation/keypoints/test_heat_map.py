@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.observation.keypoints.heat_map import read_heat_maps
+from tracker_node.observation.keypoints.blazepose import read_heat_maps
 
 
 def logits(probabilities: np.ndarray) -> np.ndarray:

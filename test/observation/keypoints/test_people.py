@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracker_node.observation.keypoints.checked import checked
-from tracker_node.observation.keypoints.people import Person
+from tracker_node.observation.keypoints.people import Person, checked
 
 NAMES = ("nose", "left_knee", "right_knee")
 GOOD = Person(

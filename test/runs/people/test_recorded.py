@@ -21,7 +21,7 @@ from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoint_tables import BODY_25B as TABLE
+from tracker_node.model.humans.keypoints import BODY_25B as TABLE
 from tracker_node.model.humans.keypoints import KeypointTable, LandmarkPoint
 from tracker_node.model.humans.measures import landmark_of_marker
 from tracker_node.runs.config_file import load_config

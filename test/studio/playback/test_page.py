@@ -19,8 +19,7 @@ from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.runs.load import load_run
 from tracker_node.runs.messages import CAMERA_INFO, camera_info
-from tracker_node.studio.playback.page import PlaybackPage
-from tracker_node.studio.playback.run import open_run
+from tracker_node.studio.playback.page import PlaybackPage, open_run
 from tracker_node.studio.session import StudioFiles, open_session
 
 FIRST, N_IMAGES = 2, 9

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.studio.pose.score import ContourScore, _fraction
+from tracker_node.studio.pose.bench import ContourScore, _fraction
 
 
 def test_a_share_needs_ten_samples():

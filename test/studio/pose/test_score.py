@@ -8,7 +8,7 @@ from helpers.cameras.small_clip import make_clip
 from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import State
-from tracker_node.studio.pose.score import ColorScore, ContourScore
+from tracker_node.studio.pose.bench import ColorScore, ContourScore
 from tracker_node.tracking.config import TrackerConfig
 
 

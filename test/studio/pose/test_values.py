@@ -13,7 +13,7 @@ from tracker_node.geometry import se3, so3
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
-from tracker_node.studio.pose.values import dof_groups, state_of, values_of
+from tracker_node.studio.pose.page import dof_groups, state_of, values_of
 
 angles = st.floats(-3.1, 3.1)
 

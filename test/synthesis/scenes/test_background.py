@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.synthesis.scenes.background import cluttered_background
-from tracker_node.synthesis.scenes.clutter import meshes, patches
+from tracker_node.synthesis.scenes.room import cluttered_background
+from tracker_node.synthesis.scenes.scene import meshes, patches
 
 CAMERAS = [replace(camera, model=camera.model.resized(120, 90)) for camera in circle_rig(2)]
 

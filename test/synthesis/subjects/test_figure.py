@@ -10,8 +10,7 @@ from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.shapes.primitives import TruncatedCone
 from tracker_node.synthesis.recording import Request, produce
-from tracker_node.synthesis.scenes.clutter import patches
-from tracker_node.synthesis.scenes.scene import SceneConfig
+from tracker_node.synthesis.scenes.scene import SceneConfig, patches
 from tracker_node.synthesis.subjects.figure import figure_model, figure_motion, speeds
 
 

@@ -8,10 +8,17 @@ import pytest
 
 from tracker_node.model.configuration import State
 from tracker_node.objective import contour_residual as kernel
-from tracker_node.objective.chamfer.agreement import BOUNDARY, N_AGREEMENT, ON_BOUNDARY, ON_OUTLINE, OUTLINE
-from tracker_node.objective.chamfer.correspondences import CameraResiduals, ContourCorrespondences
+from tracker_node.objective.chamfer.correspondences import (
+    BOUNDARY,
+    N_AGREEMENT,
+    ON_BOUNDARY,
+    ON_OUTLINE,
+    OUTLINE,
+    CameraResiduals,
+    ContourCorrespondences,
+)
+from tracker_node.objective.constraints.prior import SumObjective
 from tracker_node.objective.normal_equations import NormalEquations
-from tracker_node.objective.sum_objective import SumObjective
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.optimize.fitter import Fit
 from tracker_node.tracking.assessment import Assessment, Report

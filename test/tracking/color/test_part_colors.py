@@ -12,7 +12,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import ModelError
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.shapes.primitives import Box
-from tracker_node.tracking.color.part_colors import PartColors, check_colors
+from tracker_node.tracking.color.modality import PartColors, check_colors
 
 LIGHTS = (Light("ambient", (0.3, 0.3, 0.3)), Light("directional", (0.5, 0.5, 0.5), direction=(0.5, 1.0, -1.0)))
 RIG = CameraRig(tuple(replace(camera, model=camera.model.resized(320, 240)) for camera in cameras()), lights=LIGHTS)

@@ -11,7 +11,7 @@ from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.initialization.evidence import StartCoverage, StartEvidence
-from tracker_node.tracking.initialization.trials import Trial
+from tracker_node.tracking.initialization.initializer import Trial
 
 SCENE = scene()
 ARM = "left_shoulder_elevation_front"

@@ -11,7 +11,7 @@ from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
 from tracker_node.tracking.initialization.detector import PoseDetector
-from tracker_node.tracking.initialization.trials import LimbRepair, Trial
+from tracker_node.tracking.initialization.initializer import LimbRepair, Trial
 from tracker_node.tracking.limbs.tree import limbs_of
 
 SCENE = scene()

@@ -9,8 +9,8 @@ from helpers.cameras.start_scenes import scene, standing
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status, Timings, TrackEstimate
-from tracker_node.tracking.initialization.trials import Contest, Trial, rivals
-from tracker_node.tracking.initialization.trials import standing as standing_of
+from tracker_node.tracking.initialization.initializer import Contest, Trial, rivals
+from tracker_node.tracking.initialization.initializer import standing as standing_of
 
 SCENE = scene(1)
 HERE = standing(SCENE.model, 0.0, 0.0, 0.0)

@@ -16,7 +16,7 @@ from tracker_node.objective.lines.correspondences import LineDrawer, LineOptions
 from tracker_node.observation.region.colors import N_COLORS
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.shape_arrays import ShapeArrays
-from tracker_node.tracking.uncertainty.observability import levers, unobservable
+from tracker_node.tracking.uncertainty.covariance import levers, unobservable
 
 LENS = CameraModel(320, 240, np.array([[400.0, 0.0, 160.0], [0.0, 400.0, 120.0], [0.0, 0.0, 1.0]]))
 EYES = ((1.0, 0.1, 0.3), (-0.4, 0.9, 0.4), (-0.5, -0.8, 0.2))

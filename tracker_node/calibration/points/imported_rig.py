@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...camera.rig import Camera, CameraRig
-from ...camera.rig_unit import LARGEST_ROOM_M
+from ...camera.rig import LARGEST_ROOM_M, Camera, CameraRig
 from ...errors import FileFormatError
 from ...loaders.rig.calibration_toml import load_pose2sim
 from ...loaders.rig.camera_info import load_camera_info

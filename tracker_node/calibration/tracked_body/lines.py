@@ -13,8 +13,8 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...objective.lines import table
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, View
+from ...objective.per_camera import samples_seen
 from ...objective.shape_jacobian import ContourLines, normalized
-from ...objective.visible_samples import samples_seen
 from ...observation.chamfer.observer import Observer
 from ...observation.image_set import ImageSet
 from ...observation.region.background import RegionBackground

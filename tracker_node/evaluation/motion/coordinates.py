@@ -13,7 +13,7 @@ from ...errors import FileFormatError, ModelError
 from ...geometry import so3
 from ...loaders.images.stamps import stamps_from_first_ns
 from ...loaders.motion.bvh import AXES_Y_UP
-from ...loaders.motion.opensim_table import load_table
+from ...loaders.motion.trc import load_table
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import ROOT_NAMES, angles_of, variable_names
 from ...model.kinematic_chain import N_ROOT_DOF

@@ -1,4 +1,4 @@
-"""A run's motion in files of other programs: TRC, MOT, STO, C3D, BVH, TUM; CSV is in `export_csv`."""
+"""A run's motion in files of other programs: TRC, MOT, STO, C3D, BVH, TUM; CSV is in `run_export`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from ...errors import FileFormatError
 from ...geometry import quaternion
 from ...loaders.motion.bvh import AXES_Y_UP, dump_bvh
 from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
-from ...loaders.motion.opensim_table import NumberTable, dump_table
 from ...loaders.motion.trajectory_file import dump_tum
-from ...loaders.motion.trc import MarkerTrajectories, dump_trc
+from ...loaders.motion.trc import MarkerTrajectories, NumberTable, dump_table, dump_trc
 from ...model.articulated import ArticulatedModel
 from ...model.humans.measures import MARKER_OF_LANDMARK
 from ...runs.motion import RunMotion, without_gaps

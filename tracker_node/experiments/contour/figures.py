@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from ...camera.rig import Camera
 from ...model.configuration import Configuration
-from ...objective.visible_samples import samples_seen
+from ...objective.per_camera import samples_seen
 from ...observation.chamfer.observer import Observer
 from ...observation.image_set import ImageSet
 from ...render.contour.samples import CLASS, OUTER, U, V

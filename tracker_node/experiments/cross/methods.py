@@ -10,16 +10,14 @@ import numpy as np
 
 from ...model.configuration import N_ROOT, State
 from ...objective.color.alignment import PhotometricOptions
-from ...objective.color.asynchronous_alignment import AsynchronousPhotometricObjective
-from ...objective.color.asynchronous_score import AsynchronousObjective
+from ...objective.color.asynchronous import AsynchronousObjective, AsynchronousPhotometricObjective
 from ...objective.color.score import ColorObjective, ColorOptions
 from ...observation.deinterlace import field_camera, first_line
 from ...optimize.alignment import AlignmentOptions, align
 from ...optimize.simplex import polish
 from ...optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
 from ..rigid_tracking import FitResult, TrackedSequence, moved
-from .film import Footage
-from .scene import CrossScene
+from .scene import CrossScene, Footage
 from .throw import FIELD_PERIOD_S, LATE_CAMERA, CrossTrial
 from .video_tracking import estimate_delay, refine_video, track_video
 

@@ -20,10 +20,9 @@ from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 from rosbags.serde import SerdeError
 
 from ...errors import FileFormatError, UnknownNameError
-from .files import SCANNED_SUFFIX, check_room, storage_files, unclosed
 from .mcap_recovery import ZSTD_MAGIC, FileContents, one_text, scan, survey, unpacked, unpacked_zstd
 from .message_types import typestore_of
-from .metadata import METADATA_FILE, OfferedQos, offered_by, offered_in
+from .metadata import METADATA_FILE, SCANNED_SUFFIX, OfferedQos, check_room, offered_by, offered_in, storage_files, unclosed
 
 
 def _unpacked_chunk(compression: str, data: bytes, _size: int) -> bytes:

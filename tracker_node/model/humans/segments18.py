@@ -2,13 +2,23 @@
 
 Trewartha, Yeadon & Knight: feet, shanks, thighs, pelvis, torso, chest, shoulders, upper arms, forearms, hands and head; 17 joints
 of three degrees of freedom; the pose is that of the *top of the pelvis*. Pelvis, torso and chest meet at the lowest rib and at
-the nipples, as in Yeadon's inertia model, whose sections these are (`anthropometry`).
+the nipples, as in Yeadon's inertia model, whose sections these are (below).
 
 Links have the axes of the body (x forward, y left, z up) in the neutral pose: standing, arms hanging a little off the trunk,
 palms inward. Axes of the right side are mirrored: equal angles on both sides are a symmetric pose.
+
+Measures of one man, as Yeadon's inertia model asks for them, and the stadium cross-sections they stand for.
+
+Yeadon, M. R. (1990), *The simulation of aerial movement II: a mathematical inertia model of the human body*, J. Biomech. 23,
+describes a body by lengths, girths, breadths and depths at fixed levels. The numbers are those of the subject "male3" who comes
+with the Python package yeadon 2.0.1 (C. Dembia et al., file misc/samplemeasurements/male3.txt), left and right averaged; only
+the greatest girth of the calf is the right leg's alone, since the left one's (28.8 cm, with 40 cm at the knee) is a slip.
+His stature comes to 1.81 m.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -16,14 +26,76 @@ from ...geometry import se3, so3
 from ..articulated import Landmark
 from ..kinematic_chain import Axis, Joint, KinematicChain
 from ..shapes.nurbs import Loft, Section
-from . import anthropometry as m
+
+# Levels of the trunk: meters above the hip joint centers; those of the head above the acromion.
+UMBILICUS, LOWEST_RIB, NIPPLE, SHOULDER, ACROMION = 0.176, 0.277, 0.388, 0.493, 0.545
+NOSE, ABOVE_EAR, HEAD_TOP = 0.152, 0.208, 0.308
+# Girth and breadth
+HIP_SECTION, UMBILICUS_SECTION, RIB_SECTION, NIPPLE_SECTION = (0.970, 0.347), (0.865, 0.317), (0.845, 0.285), (0.905, 0.296)
+SHOULDER_BREADTH, SHOULDER_DEPTH = 0.343, 0.215  # breadth: between the joint centers
+NECK_GIRTH, NOSE_GIRTH, EAR_GIRTH = 0.375, 0.530, 0.600
+
+# Arm: meters below the shoulder's joint center; hand below the wrist's
+ELBOW, FOREARM_MAXIMUM, WRIST = 0.2995, 0.350, 0.564
+THUMB_BASE, KNUCKLES, FINGERNAILS = 0.049, 0.0805, 0.1545
+SHOULDER_GIRTH, MID_ARM_GIRTH, ELBOW_GIRTH, FOREARM_GIRTH = 0.337, 0.2915, 0.278, 0.283
+WRIST_SECTION, THUMB_SECTION, KNUCKLE_SECTION, NAIL_SECTION = (0.166, 0.0555), (0.240, 0.0975), (0.2325, 0.0975), (0.1205, 0.047)
+
+# Leg: meters below the hip's joint center; foot in front of the ankle's
+CROTCH, KNEE, CALF_MAXIMUM, ANKLE = 0.062, 0.449, 0.559, 0.878
+MID_THIGH = 0.5 * (CROTCH + KNEE)
+HEEL, BALL, TOENAILS = 0.050, 0.1535, 0.218
+ARCH = 0.5 * (HEEL + BALL)
+CROTCH_GIRTH, MID_THIGH_GIRTH, KNEE_GIRTH, CALF_GIRTH, ANKLE_GIRTH = 0.617, 0.581, 0.3915, 0.392, 0.2475
+ARCH_GIRTH, BALL_SECTION, TOE_SECTION = 0.252, (0.245, 0.1015), (0.215, 0.0965)
+
+# Shares of stature and of breadth for what Yeadon's model does not measure
+ANKLE_HEIGHT = 0.070  # 0.039 of stature: Drillis & Contini (1966), in Winter (2009)
+HEEL_BEHIND_ANKLE = 0.055
+HEAD_LENGTH_TO_BREADTH = 0.197 / 0.152  # means of the men of the 1988 Anthropometric Survey of U.S. Army Personnel
+
+
+def radius_of(girth: float) -> float:
+    """Of a circle."""
+    return girth / (2.0 * math.pi)
+
+
+def stadium_halves(girth: float, breadth: float) -> tuple[float, float]:
+    """Stadium of a girth and a breadth: girth = 2 pi r + 4 t, breadth = 2 (r + t).
+
+    Parameters
+    ----------
+    girth, breadth : meters.
+
+    Returns
+    -------
+    Half-widths (broad, thin), meters.
+    """
+    radius = (girth - 2.0 * breadth) / (2.0 * math.pi - 4.0)
+    return 0.5 * breadth, radius
+
+
+def stadium_of_ratio(girth: float, ratio: float) -> tuple[float, float]:
+    """Stadium of a girth and a ratio.
+
+    Parameters
+    ----------
+    girth, ratio : meters; breadth over depth.
+
+    Returns
+    -------
+    Half-widths (broad, thin), meters.
+    """
+    radius = girth / (2.0 * math.pi + 4.0 * (ratio - 1.0))
+    return ratio * radius, radius
+
 
 LIMBS = ("shoulder", "upper_arm", "forearm", "hand", "thigh", "shank", "foot")
 SIDES = (("left", 1.0), ("right", -1.0))  # name, and sign of y
 SEGMENTS = ("pelvis", "torso", "chest", "head", *(f"{side}_{segment}" for side, _ in SIDES for segment in LIMBS))
-HIP_HALF_WIDTH = 0.25 * m.HIP_SECTION[1]  # as Yeadon places it
-SHOULDER_HALF_WIDTH = 0.5 * m.SHOULDER_BREADTH
-CLAVICLE = (0.0, 0.030, m.SHOULDER - m.NIPPLE + 0.010)  # the inner end of the left shoulder segment, from the chest's origin
+HIP_HALF_WIDTH = 0.25 * HIP_SECTION[1]  # as Yeadon places it
+SHOULDER_HALF_WIDTH = 0.5 * SHOULDER_BREADTH
+CLAVICLE = (0.0, 0.030, SHOULDER - NIPPLE + 0.010)  # the inner end of the left shoulder segment, from the chest's origin
 
 # Every color is strong, and neighbors and the two sides differ, both in (r, g, b) and in its fraction of the sum.
 COLORS = {
@@ -98,17 +170,17 @@ _LEFT_JOINTS = {
 # Joint: parent, child, place in the parent (left side)
 _TRUNK_PLACES = {
     "torso": ("pelvis", "torso", (0.0, 0.0, 0.0)),
-    "chest": ("torso", "chest", (0.0, 0.0, m.NIPPLE - m.LOWEST_RIB)),
-    "neck": ("chest", "head", (0.0, 0.0, m.ACROMION - m.NIPPLE)),
+    "chest": ("torso", "chest", (0.0, 0.0, NIPPLE - LOWEST_RIB)),
+    "neck": ("chest", "head", (0.0, 0.0, ACROMION - NIPPLE)),
 }
 _LEFT_PLACES = {
     "clavicle": ("chest", "shoulder", CLAVICLE),
-    "shoulder": ("shoulder", "upper_arm", (0.0, SHOULDER_HALF_WIDTH - CLAVICLE[1], m.SHOULDER - m.NIPPLE - CLAVICLE[2])),
-    "elbow": ("upper_arm", "forearm", (0.0, 0.0, -m.ELBOW)),
-    "wrist": ("forearm", "hand", (0.0, 0.0, m.ELBOW - m.WRIST)),
-    "hip": ("pelvis", "thigh", (0.0, HIP_HALF_WIDTH, -m.LOWEST_RIB)),
-    "knee": ("thigh", "shank", (0.0, 0.0, -m.KNEE)),
-    "ankle": ("shank", "foot", (0.0, 0.0, m.KNEE - m.ANKLE)),
+    "shoulder": ("shoulder", "upper_arm", (0.0, SHOULDER_HALF_WIDTH - CLAVICLE[1], SHOULDER - NIPPLE - CLAVICLE[2])),
+    "elbow": ("upper_arm", "forearm", (0.0, 0.0, -ELBOW)),
+    "wrist": ("forearm", "hand", (0.0, 0.0, ELBOW - WRIST)),
+    "hip": ("pelvis", "thigh", (0.0, HIP_HALF_WIDTH, -LOWEST_RIB)),
+    "knee": ("thigh", "shank", (0.0, 0.0, -KNEE)),
+    "ankle": ("shank", "foot", (0.0, 0.0, KNEE - ANKLE)),
 }
 
 
@@ -138,14 +210,14 @@ def _axes(rows, prefix: str = "", sign: float = 1.0) -> tuple[Axis, ...]:
 
 def body_landmarks() -> tuple[Landmark, ...]:
     """Joint centers and a few points of head and feet, under the names of the project."""
-    nose_x = 0.020 + m.stadium_of_ratio(m.NOSE_GIRTH, m.HEAD_LENGTH_TO_BREADTH)[0]
+    nose_x = 0.020 + stadium_of_ratio(NOSE_GIRTH, HEAD_LENGTH_TO_BREADTH)[0]
     landmarks = [
-        Landmark("neck", "chest", (0.0, 0.0, round(m.ACROMION - m.NIPPLE, 6))),
-        Landmark("head", "head", (0.020, 0.0, m.HEAD_TOP)),
-        Landmark("nose", "head", (round(nose_x + 0.010, 4), 0.0, m.NOSE)),
+        Landmark("neck", "chest", (0.0, 0.0, round(ACROMION - NIPPLE, 6))),
+        Landmark("head", "head", (0.020, 0.0, HEAD_TOP)),
+        Landmark("nose", "head", (round(nose_x + 0.010, 4), 0.0, NOSE)),
     ]
     for side, sign in SIDES:
-        landmarks.append(Landmark(f"{side}_hip", "pelvis", (0.0, round(sign * HIP_HALF_WIDTH, 6), -m.LOWEST_RIB)))
+        landmarks.append(Landmark(f"{side}_hip", "pelvis", (0.0, round(sign * HIP_HALF_WIDTH, 6), -LOWEST_RIB)))
         for name in ("shoulder", "elbow", "wrist", "knee", "ankle"):
             parent, _, (x, y, z) = _LEFT_PLACES[name]
             landmarks.append(Landmark(f"{side}_{name}", f"{side}_{parent}", (x, round(sign * y, 6) + 0.0, round(z, 6))))
@@ -173,37 +245,37 @@ def body_lofts() -> dict[str, tuple[Loft, np.ndarray]]:
 
 def _trunk_lofts() -> dict[str, Loft]:
     hip, waist, rib, nipple = (
-        m.stadium_halves(*s)[::-1] for s in (m.HIP_SECTION, m.UMBILICUS_SECTION, m.RIB_SECTION, m.NIPPLE_SECTION)
+        stadium_halves(*s)[::-1] for s in (HIP_SECTION, UMBILICUS_SECTION, RIB_SECTION, NIPPLE_SECTION)
     )
-    depth = 0.5 * m.SHOULDER_DEPTH
-    neck = m.radius_of(m.NECK_GIRTH)
-    nose, ear = (m.stadium_of_ratio(girth, m.HEAD_LENGTH_TO_BREADTH) for girth in (m.NOSE_GIRTH, m.EAR_GIRTH))
+    depth = 0.5 * SHOULDER_DEPTH
+    neck = radius_of(NECK_GIRTH)
+    nose, ear = (stadium_of_ratio(girth, HEAD_LENGTH_TO_BREADTH) for girth in (NOSE_GIRTH, EAR_GIRTH))
     return {
         "pelvis": _loft([
-            (-m.LOWEST_RIB - m.CROTCH, 0.85 * hip[0], 0.75 * hip[1], -0.010), (-m.LOWEST_RIB, *hip, -0.005),
-            (m.UMBILICUS - m.LOWEST_RIB, *waist), (0.0, *rib),
+            (-LOWEST_RIB - CROTCH, 0.85 * hip[0], 0.75 * hip[1], -0.010), (-LOWEST_RIB, *hip, -0.005),
+            (UMBILICUS - LOWEST_RIB, *waist), (0.0, *rib),
         ], (0.030, 0.050)),
-        "torso": _loft([(0.0, *rib), (m.NIPPLE - m.LOWEST_RIB, *nipple)], (0.050, 0.050)),
+        "torso": _loft([(0.0, *rib), (NIPPLE - LOWEST_RIB, *nipple)], (0.050, 0.050)),
         # The shoulder segments make the breadth at the shoulders and above.
         "chest": _loft([
-            (0.0, *nipple), (m.SHOULDER - m.NIPPLE, depth, 0.75 * SHOULDER_HALF_WIDTH),
-            (m.ACROMION - m.NIPPLE, 0.57 * depth, 0.45 * SHOULDER_HALF_WIDTH),
+            (0.0, *nipple), (SHOULDER - NIPPLE, depth, 0.75 * SHOULDER_HALF_WIDTH),
+            (ACROMION - NIPPLE, 0.57 * depth, 0.45 * SHOULDER_HALF_WIDTH),
         ], (0.050, 0.020)),
         # The neck keeps its girth up to the larynx.
         "head": _loft([
-            (0.0, neck, neck), (0.35 * m.NOSE, neck, neck, 0.006), (m.NOSE, *nose, 0.020), (m.ABOVE_EAR, *ear, 0.018),
-        ], (0.040, m.HEAD_TOP - m.ABOVE_EAR)),
+            (0.0, neck, neck), (0.35 * NOSE, neck, neck, 0.006), (NOSE, *nose, 0.020), (ABOVE_EAR, *ear, 0.018),
+        ], (0.040, HEAD_TOP - ABOVE_EAR)),
     }  # fmt: skip
 
 
 def _limb_lofts(sign: float) -> dict[str, Loft]:
-    arm, mid_arm, elbow, forearm = (m.radius_of(g) for g in (m.SHOULDER_GIRTH, m.MID_ARM_GIRTH, m.ELBOW_GIRTH, m.FOREARM_GIRTH))
+    arm, mid_arm, elbow, forearm = (radius_of(g) for g in (SHOULDER_GIRTH, MID_ARM_GIRTH, ELBOW_GIRTH, FOREARM_GIRTH))
     wrist, thumb, knuckle, nail = (
-        m.stadium_halves(*s) for s in (m.WRIST_SECTION, m.THUMB_SECTION, m.KNUCKLE_SECTION, m.NAIL_SECTION)
+        stadium_halves(*s) for s in (WRIST_SECTION, THUMB_SECTION, KNUCKLE_SECTION, NAIL_SECTION)
     )
-    hip = 0.5 * np.sqrt(m.stadium_halves(*m.HIP_SECTION)[1] * m.HIP_SECTION[1])  # Yeadon: half the trunk's area there
+    hip = 0.5 * np.sqrt(stadium_halves(*HIP_SECTION)[1] * HIP_SECTION[1])  # Yeadon: half the trunk's area there
     crotch, mid_thigh, knee, calf, ankle = (
-        m.radius_of(g) for g in (m.CROTCH_GIRTH, m.MID_THIGH_GIRTH, m.KNEE_GIRTH, m.CALF_GIRTH, m.ANKLE_GIRTH)
+        radius_of(g) for g in (CROTCH_GIRTH, MID_THIGH_GIRTH, KNEE_GIRTH, CALF_GIRTH, ANKLE_GIRTH)
     )
     length = SHOULDER_HALF_WIDTH - CLAVICLE[1]
     inward = -0.007 * sign  # the thighs touch
@@ -214,20 +286,20 @@ def _limb_lofts(sign: float) -> dict[str, Loft]:
             (length, 1.10 * arm, 1.10 * arm, 0.0, 0.010 * sign),
         ], (0.030, 0.85 * arm)),
         "upper_arm": _loft([
-            (-m.ELBOW, elbow, elbow), (-0.5 * m.ELBOW, mid_arm, mid_arm), (0.0, arm, arm),
+            (-ELBOW, elbow, elbow), (-0.5 * ELBOW, mid_arm, mid_arm), (0.0, arm, arm),
         ], (0.85 * elbow, 0.85 * arm)),
         "forearm": _loft([
-            (m.ELBOW - m.WRIST, *wrist), (m.ELBOW - m.FOREARM_MAXIMUM, forearm, forearm), (0.0, elbow, elbow),
+            (ELBOW - WRIST, *wrist), (ELBOW - FOREARM_MAXIMUM, forearm, forearm), (0.0, elbow, elbow),
         ], (0.025, 0.85 * elbow)),
         "hand": _loft([
-            (-m.FINGERNAILS, *nail), (-m.KNUCKLES, *knuckle), (-m.THUMB_BASE, *thumb), (0.0, *wrist),
+            (-FINGERNAILS, *nail), (-KNUCKLES, *knuckle), (-THUMB_BASE, *thumb), (0.0, *wrist),
         ], (0.015, 0.020)),
         "thigh": _loft([
-            (-m.KNEE, knee, knee), (-m.MID_THIGH, mid_thigh, mid_thigh), (-m.CROTCH, crotch, crotch, 0.0, inward),
+            (-KNEE, knee, knee), (-MID_THIGH, mid_thigh, mid_thigh), (-CROTCH, crotch, crotch, 0.0, inward),
             (0.0, hip, hip, 0.0, inward),
         ], (0.75 * knee, 0.060)),
         "shank": _loft([
-            (m.KNEE - m.ANKLE, ankle, ankle), (m.KNEE - m.CALF_MAXIMUM, calf, calf, -0.010), (0.0, knee, knee),
+            (KNEE - ANKLE, ankle, ankle), (KNEE - CALF_MAXIMUM, calf, calf, -0.010), (0.0, knee, knee),
         ], (0.025, 0.75 * knee)),
         "foot": _foot_loft(ankle),
     }  # fmt: skip
@@ -235,20 +307,20 @@ def _limb_lofts(sign: float) -> dict[str, Loft]:
 
 def _foot_loft(ankle: float) -> Loft:
     """Along the sole, from the heel to the toes: x is down. Distances were measured with pointed toes, from the ankle."""
-    sole = m.ANKLE_HEIGHT
-    ball, toe = (m.stadium_halves(*s) for s in (m.BALL_SECTION, m.TOE_SECTION))
+    sole = ANKLE_HEIGHT
+    ball, toe = (stadium_halves(*s) for s in (BALL_SECTION, TOE_SECTION))
     arch_half = 0.034  # its girth with a breadth of 89 mm
-    arch_broad = 0.25 * (m.ARCH_GIRTH - 2.0 * np.pi * arch_half) + arch_half
+    arch_broad = 0.25 * (ARCH_GIRTH - 2.0 * np.pi * arch_half) + arch_half
     rows = []
     for distance, half_height, half_width in (
-        (-0.035, 0.030, 0.031), (0.0, 0.038, 0.95 * ankle), (m.HEEL, 0.040, 0.041), (m.ARCH, arch_half, arch_broad),
-        (m.BALL, ball[1], ball[0]), (m.TOENAILS, toe[1], toe[0]),
+        (-0.035, 0.030, 0.031), (0.0, 0.038, 0.95 * ankle), (HEEL, 0.040, 0.041), (ARCH, arch_half, arch_broad),
+        (BALL, ball[1], ball[0]), (TOENAILS, toe[1], toe[0]),
     ):  # fmt: skip
         drop = sole - half_height
         # Levels in front of the heel lie as far from the ankle as measured: forward, and below it.
         forward = distance if distance <= 0.0 else np.sqrt(distance**2 - min(drop, 0.8 * distance) ** 2)
         rows.append((float(forward), half_height, half_width, drop))
-    return _loft(rows, (m.HEEL_BEHIND_ANKLE - 0.035, 0.012))
+    return _loft(rows, (HEEL_BEHIND_ANKLE - 0.035, 0.012))
 
 
 def _loft(rows, domes: tuple[float, float]) -> Loft:

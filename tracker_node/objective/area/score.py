@@ -17,9 +17,8 @@ from ...geometry import se3
 from ...model.articulated import ArticulatedModel
 from ...model.shapes.primitives import Box, Mesh
 from ...parallel import Workers
-from ...render.ray_table import ray_table
 from ...render.raycast.coefficients import BOX, N_COEFFICIENTS
-from ...render.shape_arrays import CONE, ELLIPSOID, ShapeArrays
+from ...render.shape_arrays import CONE, ELLIPSOID, ShapeArrays, ray_table
 from ..color.drawing import LABEL_BITS, LANES, N_SURFACE
 from ..color.views import ColorViews
 from .kernels import draw_rest, place_shapes, score_poses

@@ -23,8 +23,7 @@ from ..normal_equations import NormalEquations
 from . import alignment_kernels as sums
 from . import drawing as kernel
 from .any_shapes import linearize_with_cast
-from .constants import ColorConstants
-from .views import ColorViews, every_nth
+from .views import ColorConstants, ColorViews, every_nth
 
 _WORTH_THREADS = 8000  # pixels: with fewer, handing work to a thread takes longer than the work
 

@@ -28,9 +28,8 @@ from ...render.raycast.raycaster import cast
 from ...render.raycast.shading import COLORS, number_at, surface_at
 from ...render.raycast.surface_arrays import surface_arrays
 from .alignment_kernels import GRADIENT, PIXELS, SQUARES
-from .constants import ColorConstants
 from .drawing import HEIGHT, PLANES, WIDTH
-from .views import ColorViews
+from .views import ColorConstants, ColorViews
 
 _ZERO, _HALF, _ONE, _FULL = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(255.0)
 

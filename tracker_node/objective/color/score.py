@@ -24,9 +24,8 @@ from ...parallel import Workers
 from ...render.raycast.coefficients import N_COEFFICIENTS
 from . import drawing as kernel
 from .any_shapes import score_with_cast
-from .constants import ColorConstants
 from .score_kernels import form_of, score_states
-from .views import EXCHANGE, ColorViews, every_nth, is_pinhole, lying
+from .views import EXCHANGE, ColorConstants, ColorViews, every_nth, is_pinhole, lying
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,18 @@
-"""Parts of a body that may not pass through each other, as a least-squares objective."""
+"""Parts of a body that may not pass through each other, as a least-squares objective; distances of round cones.
+"""
 
 from __future__ import annotations
 
+import math
+
+import numba as nb
 import numpy as np
 
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import KinematicChain
-from ...model.shapes.round_cones import END, END_RADIUS, N_CAPSULE, START, START_RADIUS
+from ...model.shapes.primitives import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, nearest_on
 from ..normal_equations import NormalEquations
-from .collision_kernels import add_collisions, pair_gaps, place_capsules
 
 
 class CollisionObjective:
@@ -113,3 +116,221 @@ def _rigid_groups(chain: KinematicChain) -> np.ndarray:
         if chain.axis_count[link] == 0:
             groups[link] = groups[chain.parents[link]]
     return groups
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _gap_at(one, other, s, t):
+    """Distance of the surfaces of two spheres, at ``s`` on one round cone and ``t`` on the other; negative where they overlap."""
+    square = 0.0
+    for i in range(3):
+        d = one[START + i] + s * (one[END + i] - one[START + i]) - other[START + i] - t * (other[END + i] - other[START + i])
+        square += d * d
+    radius = one[START_RADIUS] + s * (one[END_RADIUS] - one[START_RADIUS])
+    return math.sqrt(square) - radius - other[START_RADIUS] - t * (other[END_RADIUS] - other[START_RADIUS])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _crossing(one, other):
+    """(s, t) of the least distance of two round cones without ends; (-1, -1) where there is none.
+
+    The line u between the nearest spheres' centers has u . d1 = r1 and u . d2 = -r2 (axes d, growing radii r), which gives u but
+    for its side; that is the one on which the axes pass each other.
+    """
+    d1 = (one[END] - one[START], one[END + 1] - one[START + 1], one[END + 2] - one[START + 2])
+    d2 = (other[END] - other[START], other[END + 1] - other[START + 1], other[END + 2] - other[START + 2])
+    w = (one[START] - other[START], one[START + 1] - other[START + 1], one[START + 2] - other[START + 2])
+    r1, r2 = one[END_RADIUS] - one[START_RADIUS], other[END_RADIUS] - other[START_RADIUS]
+    a, b, c = _dot(d1, d1), _dot(d1, d2), _dot(d2, d2)
+    det = a * c - b * b
+    if det <= 1e-10 * a * c:
+        return -1.0, -1.0
+    alpha, beta = (c * r1 + b * r2) / det, (-b * r1 - a * r2) / det
+    left = 1.0 - alpha * r1 + beta * r2
+    if left <= 0.0:
+        return -1.0, -1.0
+    nx, ny, nz = d1[1] * d2[2] - d1[2] * d2[1], d1[2] * d2[0] - d1[0] * d2[2], d1[0] * d2[1] - d1[1] * d2[0]
+    distance = abs(w[0] * nx + w[1] * ny + w[2] * nz) / math.sqrt(det * left)
+    e1, e2 = distance * r1 - _dot(w, d1), -distance * r2 - _dot(w, d2)
+    return (c * e1 - b * e2) / det, (b * e1 - a * e2) / det
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def round_cone_gap(one, other):
+    """Distance of the surfaces of two round cones.
+
+    The distance of two spheres is convex in their places on the axes, so its minimum lies inside or on one of four edges.
+
+    Parameters
+    ----------
+    one, other : (.,) capsules, meters.
+
+    Returns
+    -------
+    Gap in meters (negative: they overlap), and where on each axis, 0..1.
+    """
+    s, t = _crossing(one, other)
+    if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
+        return _gap_at(one, other, s, t), s, t
+    best, best_s, best_t = np.inf, 0.0, 0.0
+    for end in range(2):
+        at = END if end else START
+        s, t = float(end), nearest_on(other, one[at], one[at + 1], one[at + 2])
+        gap = _gap_at(one, other, s, t)
+        if gap < best:
+            best, best_s, best_t = gap, s, t
+        s, t = nearest_on(one, other[at], other[at + 1], other[at + 2]), float(end)
+        gap = _gap_at(one, other, s, t)
+        if gap < best:
+            best, best_s, best_t = gap, s, t
+    return best, best_s, best_t
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def place_capsules(capsules, bounds, capsule_parts, links, Ts_world_link, world_capsules, world_bounds):
+    """Round cones and bounding spheres of all parts in the world.
+
+    Parameters
+    ----------
+    capsules, bounds : (n_capsules, .) and (n_parts, 4) spheres, in the frames of links.
+    capsule_parts, links : (n_capsules,) parts, and (n_parts,) links of these.
+    Ts_world_link : (n_links, 4, 4).
+    world_capsules, world_bounds : as ``capsules`` and ``bounds``, overwritten.
+    """
+    for i in range(capsules.shape[0]):
+        T = Ts_world_link[links[capsule_parts[i]]]
+        for at in (START, END):
+            for r in range(3):
+                world_capsules[i, at + r] = (
+                    T[r, 0] * capsules[i, at] + T[r, 1] * capsules[i, at + 1] + T[r, 2] * capsules[i, at + 2] + T[r, 3]
+                )
+            world_capsules[i, at + 3] = capsules[i, at + 3]
+    for i in range(bounds.shape[0]):
+        T = Ts_world_link[links[i]]
+        for r in range(3):
+            world_bounds[i, r] = T[r, 0] * bounds[i, 0] + T[r, 1] * bounds[i, 1] + T[r, 2] * bounds[i, 2] + T[r, 3]
+        world_bounds[i, 3] = bounds[i, 3]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def deepest(one, other, world_capsules, world_bounds, starts):
+    """Least gap of the round cones of two parts.
+
+    Parameters
+    ----------
+    one, other : parts.
+    world_capsules, world_bounds : of `place_capsules`.
+    starts : (n_parts + 1,) first capsule of each part.
+
+    Returns
+    -------
+    Gap in meters, capsule of ``one``, capsule of ``other``, place on each axis; gap +inf where the parts are far apart.
+    """
+    square = 0.0
+    for r in range(3):
+        square += (world_bounds[one, r] - world_bounds[other, r]) ** 2
+    best, best_i, best_j, best_s, best_t = np.inf, -1, -1, 0.0, 0.0
+    if square > (world_bounds[one, 3] + world_bounds[other, 3]) ** 2:
+        return best, best_i, best_j, best_s, best_t
+    for i in range(starts[one], starts[one + 1]):
+        for j in range(starts[other], starts[other + 1]):
+            gap, s, t = round_cone_gap(world_capsules[i], world_capsules[j])
+            if gap < best:
+                best, best_i, best_j, best_s, best_t = gap, i, j, s, t
+    return best, best_i, best_j, best_s, best_t
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def pair_gaps(pairs, world_capsules, world_bounds, starts, out):
+    """Gaps of pairs of parts.
+
+    Parameters
+    ----------
+    pairs : (n_pairs, 2).
+    world_capsules, world_bounds, starts : see `deepest`.
+    out : (n_pairs,) meters, overwritten.
+    """
+    for k in range(pairs.shape[0]):
+        out[k] = deepest(pairs[k, 0], pairs[k, 1], world_capsules, world_bounds, starts)[0]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _across(one, other, u):
+    """A way out where one axis goes through the other: across both, or across one where they are parallel."""
+    d = (one[END] - one[START], one[END + 1] - one[START + 1], one[END + 2] - one[START + 2])
+    e = (other[END] - other[START], other[END + 1] - other[START + 1], other[END + 2] - other[START + 2])
+    u[0], u[1], u[2] = d[1] * e[2] - d[2] * e[1], d[2] * e[0] - d[0] * e[2], d[0] * e[1] - d[1] * e[0]
+    if _dot(u, u) > 1e-12 * _dot(d, d) * _dot(e, e):
+        return
+    least = 0
+    for r in range(3):
+        if abs(d[r]) < abs(d[least]):
+            least = r
+    first, second = (least + 1) % 3, (least + 2) % 3
+    u[least], u[first], u[second] = 0.0, d[second], -d[first]
+    if _dot(u, u) == 0.0:  # two balls
+        u[least] = 1.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def add_collisions(pairs, allowed, world_capsules, world_bounds, starts, links, link_moved_by, twists, sigma_m, H, g):
+    """Add (depth / sigma)^2 of every pair that overlaps by more than is allowed, the depth being the excess, to normal equations.
+
+    The depth changes as the two centers approach each other along the line between them: where on the axes they are is the
+    minimum's own choice, and does not matter to first order.
+
+    Parameters
+    ----------
+    pairs, allowed : (n_pairs, 2), and (n_pairs,) meters of overlap that cost nothing.
+    world_capsules, world_bounds, starts : see `deepest`.
+    links : (n_parts,).
+    link_moved_by, twists : (n_links, n_dof) mask, and (n_dof, 6), of the body in its state.
+    sigma_m : standard deviation of a depth.
+    H, g : (n_dof, n_dof) and (n_dof,), added to.
+
+    Returns
+    -------
+    Cost, and number of colliding pairs.
+    """
+    n_dof = g.size
+    row = np.empty(n_dof)
+    u, p, q = np.empty(3), np.empty(3), np.empty(3)
+    cost, count = 0.0, 0
+    for k in range(pairs.shape[0]):
+        one, other = pairs[k, 0], pairs[k, 1]
+        gap, i, j, s, t = deepest(one, other, world_capsules, world_bounds, starts)
+        depth = -gap - allowed[k]
+        if depth <= 0.0:
+            continue
+        a, b = world_capsules[i], world_capsules[j]
+        for r in range(3):
+            p[r] = a[START + r] + s * (a[END + r] - a[START + r])
+            q[r] = b[START + r] + t * (b[END + r] - b[START + r])
+            u[r] = p[r] - q[r]
+        if _dot(u, u) < 1e-18:
+            _across(a, b, u)
+        length = math.sqrt(_dot(u, u))
+        residual = depth / sigma_m
+        for dof in range(n_dof):
+            row[dof] = 0.0
+            moves_one, moves_other = link_moved_by[links[one], dof], link_moved_by[links[other], dof]
+            if moves_one == moves_other:
+                continue
+            x, sign = (p, -1.0) if moves_one else (q, 1.0)
+            w = twists[dof]
+            vx = w[0] + w[4] * x[2] - w[5] * x[1]
+            vy = w[1] + w[5] * x[0] - w[3] * x[2]
+            vz = w[2] + w[3] * x[1] - w[4] * x[0]
+            row[dof] = sign * (u[0] * vx + u[1] * vy + u[2] * vz) / (length * sigma_m)
+        for c in range(n_dof):
+            if row[c] != 0.0:
+                g[c] += row[c] * residual
+                for d in range(n_dof):
+                    H[c, d] += row[c] * row[d]
+        cost += residual * residual
+        count += 1
+    return cost, count

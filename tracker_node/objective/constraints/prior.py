@@ -1,7 +1,9 @@
-"""Gaussian prior of a state."""
+"""Gaussian priors of a state, axes that drive each other, and sums of objectives and priors.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numba as nb
@@ -9,6 +11,8 @@ import numpy as np
 
 from ...geometry import so3
 from ...model.configuration import State
+from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
+from ..normal_equations import LeastSquaresObjective, NormalEquations
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,3 +74,68 @@ def _add(offset, J, information, H, g):
                 H[i, j] += half[i, j]
             g[i] += pull[i]
     return cost
+
+
+class CouplingObjective:
+    """Cost ((follower - multiplier * leader - offset) / sigma)^2 of every driven axis of a chain.
+
+    Parameters
+    ----------
+    sigma : play of the gear, radians or meters of the follower: so little that no other term can change it, and enough for the
+        normal equations to stay well conditioned.
+    """
+
+    def __init__(self, chain: KinematicChain, sigma: float = 1e-3):
+        couplings = chain.couplings
+        self._J, self._offsets = np.zeros((len(couplings), chain.n_dof)), np.zeros(len(couplings))
+        for row, (follower, leader, following) in enumerate(couplings):
+            self._J[row, N_ROOT_DOF + follower] += 1.0 / sigma
+            self._J[row, N_ROOT_DOF + leader] -= following.multiplier / sigma
+            self._offsets[row] = following.offset / sigma
+        self._H = self._J.T @ self._J
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations at ``state``; they are exact everywhere."""
+        residuals = self._J[:, N_ROOT_DOF:] @ state.joint_positions - self._offsets
+        return NormalEquations(self._H.copy(), self._J.T @ residuals, float(residuals @ residuals), len(residuals))
+
+
+class SumObjective:
+    """The sum of least-squares objectives, each times its factor, and of priors.
+
+    Objectives in information units (residuals over their standard deviations) are added as they are; a factor brings others to
+    that unit, or weighs one against another.
+    """
+
+    def __init__(
+        self, objectives: Sequence[LeastSquaresObjective], factors: Sequence[float] | None = None, priors: Sequence[Prior] = ()
+    ):
+        self.objectives = tuple(objectives)
+        self.factors = (1.0,) * len(self.objectives) if factors is None else tuple(factors)
+        self.priors = tuple(priors)
+
+    def exchanged(self, old: LeastSquaresObjective, new: LeastSquaresObjective) -> SumObjective:
+        """The same sum with one objective in place of another.
+
+        Parameters
+        ----------
+        old : one of ``objectives``.
+        new : takes its place, with its factor.
+
+        Returns
+        -------
+        Another sum.
+        """
+        return SumObjective([new if objective is old else objective for objective in self.objectives], self.factors, self.priors)
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations at ``state``; added in the order given."""
+        parts = [objective.linearize(state) for objective in self.objectives]
+        H, g, cost = self.factors[0] * parts[0].H, self.factors[0] * parts[0].g, self.factors[0] * parts[0].cost
+        for factor, part in zip(self.factors[1:], parts[1:], strict=True):
+            H += factor * part.H
+            g += factor * part.g
+            cost += factor * part.cost
+        for prior in self.priors:
+            cost += prior.add_to(H, g, state)
+        return NormalEquations(H, g, cost, sum(part.count for part in parts))

@@ -11,8 +11,8 @@ from ...camera.rig import Camera
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration
 from ...model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive
-from ..ray_table import MadeOnce, ray_table
 from ..renderer import Region
+from ..shape_arrays import MadeOnce, ray_table
 from .coefficients import pixel_box
 
 _GROWN = 1.001  # polyhedra of the same volume as round shapes are that much larger, at most

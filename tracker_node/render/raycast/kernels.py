@@ -16,7 +16,7 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from ..ray_table import PADDING
+from ..shape_arrays import PADDING
 from .coefficients import ABOVE, BELOW, BETWEEN, BOX, LINE, LOWER, ORIGIN, QUADRATIC, UPPER
 
 LANES = PADDING

@@ -17,9 +17,8 @@ from ...camera.rig import Camera
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration
 from ...model.shapes.primitives import Box, Mesh, is_closed
-from ..ray_table import MadeOnce, RayTable, ray_table
 from ..renderer import ColoredView, Region, RenderedView
-from ..shape_arrays import OTHER, ShapeArrays
+from ..shape_arrays import OTHER, MadeOnce, RayTable, ShapeArrays, ray_table
 from .coefficients import BOX, INVISIBLE, N_COEFFICIENTS, farthest_depth, normalized_box, pixel_box, shape_coefficients
 from .kernels import LABEL_BITS, LANES, draw_shape, unpack_depth, unpack_labels, unpack_mask
 from .lighting import lights_in_camera

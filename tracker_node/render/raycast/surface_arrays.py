@@ -10,7 +10,7 @@ import numpy as np
 
 from ...model.articulated import ArticulatedModel
 from ...model.shapes.primitives import Box, Mesh
-from ..ray_table import MadeOnce
+from ..shape_arrays import MadeOnce
 from .kernels import pixel_function
 
 NO_TEXTURE = -1

@@ -29,8 +29,7 @@ from ...loaders.bag.queue import BagQueue
 from ..conversions import message_class
 from ..diagnostics import Diagnostics
 from ..guarded_node import GuardedNode
-from ..qos import offered_qos, qos_profile
-from ..sequence_gaps import with_source_stamp
+from ..qos import offered_qos, qos_profile, with_source_stamp
 from .recorder_report import ON_OCCASION, RecorderState, TopicPace, topics_status
 
 DISCOVERY_S = 0.1

@@ -21,8 +21,7 @@ from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
 from ..guarded_node import GuardedNode
 from ..parameter_overrides import check_qos_overrides
 from ..qos import LIVE_IMAGES, overridable
-from .newest_set import NewestSet
-from .worker import DetectionWorker, Detector
+from .worker import DetectionWorker, Detector, NewestSet
 
 NICENESS = 5  # others have three times as much of a busy processor; with 10 a busy machine gave no points at all
 _CROPS_NS = 500_000_000  # between the stamps of crops and images; older crops say nothing

@@ -11,7 +11,7 @@ import numpy as np
 from ...model.articulated import ArticulatedModel
 from ...observation.image_set import ImageSet
 from ...tracking.estimate import LimbStatus, Status, TrackEstimate
-from ...tracking.uncertainty.observability import unobservable
+from ...tracking.uncertainty.covariance import unobservable
 from ..diagnostics import ERROR, OK, PAUSED, WARN, Diagnostics
 from .setup import WorkerCounts
 from .worker import TrackingWorker

@@ -15,8 +15,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from ...observation.image_set import CameraImage
 from ..conversions import bgr_of_compressed, decode_raw_image
 from ..diagnostics import QosMismatches
-from ..qos import images_subscribed, overridable
-from ..sequence_gaps import SequenceGaps, with_number
+from ..qos import SequenceGaps, images_subscribed, overridable, with_number
 
 MOST_BYTES = 2 * 2**30  # some 39 s of two cameras of 640x480 at 30 Hz
 

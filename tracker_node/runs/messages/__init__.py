@@ -6,9 +6,8 @@ into those of bags, so the live node and the offline run say the same. Begin wit
 
 from .body import changed_markers, joint_state, markers, pose, state_covariance, tracked_state, twist
 from .cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, camera_info, compressed_image, image, jpeg_of, lens_of
-from .crops import crops, crops_in
 from .parts import Content, header, pose_of, transforms
-from .people import keypoints, people_of
+from .people import crops, crops_in, keypoints, people_of
 
 __all__ = [
     "CAMERA_INFO",

@@ -1,7 +1,11 @@
-"""People in messages: what a detector has found in one image, there and back."""
+"""People in messages: what a detector has found in one image, there and back.
+
+Where a detector should look, in messages: squares in images, there and back.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,8 +14,8 @@ import numpy as np
 from ...errors import CalibrationError
 from ...loaders.bag.message_types import stamp_ns_of
 from ...observation.image_set import CameraImage
-from ...observation.keypoints.checked import checked
-from ...observation.keypoints.people import People, Person, Silhouette
+from ...observation.keypoints.crop import Crop
+from ...observation.keypoints.people import People, Person, Silhouette, checked
 from .cameras import image as image_message
 from .parts import Content, header
 
@@ -46,7 +50,7 @@ def keypoints(image: CameraImage, frame_id: str, detector: str = "") -> Content:
 def people_of(message: Any) -> People:
     """The people in a tracker_msgs/Keypoints of a graph or of a bag.
 
-    Impossible points are as if they had not been found (`observation.keypoints.checked`).
+    Impossible points are as if they had not been found (`observation.keypoints.people`).
 
     Parameters
     ----------
@@ -118,3 +122,39 @@ def _silhouette_of(message: Any) -> Silhouette | None:
         raise ValueError(f"silhouette: expected mono8 with all of its bytes, got {got}")
     pixels = data[: height * step].reshape(height, step)[:, :width].copy()
     return Silhouette(pixels, (int(message.silhouette_u), int(message.silhouette_v)))
+
+
+def crops(stamp_ns: int, frame_id: str, cameras: Sequence[str], squares: Sequence[Crop | None]) -> Content:
+    """tracker_msgs/Crops.
+
+    Parameters
+    ----------
+    stamp_ns : of the image set.
+    frame_id : name of the world frame.
+    cameras : names.
+    squares : one a camera; None: the whole image.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
+    whole = Crop((0.0, 0.0), 0.0)
+    found = [whole if square is None else square for square in squares]
+    return {
+        "header": header(stamp_ns, frame_id),
+        "cameras": list(cameras),
+        "u": [square.center[0] for square in found],
+        "v": [square.center[1] for square in found],
+        "size": [square.size for square in found],
+        "angle": [square.angle for square in found],
+    }
+
+
+def crops_in(message: Any) -> dict[str, Crop]:
+    """The squares of a tracker_msgs/Crops by camera; those that are no square are left out."""
+    rows = zip(message.cameras, message.u, message.v, message.size, message.angle, strict=False)
+    return {
+        str(camera): Crop((float(u), float(v)), float(size), float(angle))
+        for camera, u, v, size, angle in rows
+        if all(map(math.isfinite, (u, v, size, angle))) and size > 0.0
+    }

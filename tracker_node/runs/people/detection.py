@@ -20,9 +20,8 @@ from ...errors import FileFormatError, TrackerError, extra_module
 from ...loaders.pose_weights import detector_name, pose_weights
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.blazepose import BlazePose, PointNetwork
-from ...observation.keypoints.checked import checked
 from ...observation.keypoints.crop import Crop
-from ...observation.keypoints.people import People
+from ...observation.keypoints.people import People, checked
 from ...parallel import Workers
 from ...tracking.config import KEYPOINTS, TrackerConfig
 

@@ -1,27 +1,32 @@
-"""People in the images of an offline run from the files of any detector, by the numbers of the images."""
+"""People in the images of an offline run from the files of any detector, by the numbers of the images.
+
+Points of people in a bag, by the images that they were found in.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import lz4.frame
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...errors import TrackerError
-from ...loaders.keypoints.camera_people import CameraPeople, PointsByCamera
-from ...loaders.keypoints.cameras import match_files
+from ...loaders.bag.message_types import KEYPOINTS, stamp_ns_of
+from ...loaders.bag.reader import BagMessage, BagReader
+from ...loaders.keypoints.camera_people import CameraPeople, PointsByCamera, match_files
 from ...loaders.keypoints.formats import load_points
 from ...loaders.keypoints.table import load_keypoint_table, load_point_names
 from ...model.articulated import ArticulatedModel
-from ...model.humans.keypoint_tables import table_of
-from ...model.humans.keypoints import KeypointTable
+from ...model.humans.keypoints import KeypointTable, table_of
 from ...model.humans.measures import mirrored_name
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.people import People, Person
+from ..points import DetectedPeople, detected_people
 
 ImageNumbers = Mapping[str, Mapping[int, int]]
 """Camera -> stamp, ns -> number of the image in its source, from 0."""
@@ -175,3 +180,40 @@ def _padded(person: Person, table: KeypointTable) -> Person:
         covariances=np.concatenate([person.covariances, np.tile(np.eye(2), (more, 1, 1))]),
         scores=np.concatenate([person.scores[:n], np.zeros(more)]),
     )
+
+
+ImageKey = tuple[str, int]
+"""Camera, and stamp of an image in nanoseconds."""
+
+
+class BagPoints:
+    """The messages of a bag with people, the first of those of one image, as live; packed, since silhouettes are large and even.
+
+    Parameters
+    ----------
+    reader : of the bag.
+    needed : images whose people are asked for; None: all.
+    """
+
+    def __init__(self, reader: BagReader, needed: Container[ImageKey] | None = None):
+        self._reader = reader
+        self._messages: dict[ImageKey, BagMessage] = {}
+        topics = reader.topics_of_type(KEYPOINTS)
+        for message in reader.messages(topics) if topics else ():
+            content = reader.decode(message)
+            key = str(content.camera), stamp_ns_of(content.header.stamp)
+            if key not in self._messages and (needed is None or key in needed):
+                self._messages[key] = replace(message, data=lz4.frame.compress(message.data))
+
+    def __contains__(self, key: ImageKey) -> bool:
+        return key in self._messages
+
+    def people(self, key: ImageKey) -> DetectedPeople:
+        """Who was found in an image.
+
+        Raises
+        ------
+        CalibrationError : the message contradicts itself.
+        """
+        message = self._messages[key]
+        return detected_people(self._reader.decode(replace(message, data=lz4.frame.decompress(message.data))))

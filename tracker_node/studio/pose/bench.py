@@ -1,22 +1,41 @@
-"""What works on a pose in the recorded images: scores and fits, in images small enough for both."""
+"""What works on a pose in the recorded images: scores and fits, in images small enough for both.
+
+Agreement of a pose with the images of one image set, while it is set by hand: by its contours, or by its colors.
+
+Each says what the engine of its modality would say of the pose.
+"""
 
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import cv2
 import numpy as np
 
+from ...camera.rig import CameraRig
 from ...loaders.images.source import load_backgrounds, resized_backgrounds
-from ...model.configuration import State
+from ...loaders.json_values import finite
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...objective.lines.correspondences import LineDrawer, PartEvidence, View
+from ...objective.points.photometry import PhotometryOptions
+from ...observation.chamfer.observer import checked_backgrounds
 from ...observation.image_set import CameraImage, ImageSet
+from ...observation.region.background import RegionBackground
+from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
+from ...parallel import Workers
+from ...render.raycast.raycaster import render_labels
+from ...render.shape_arrays import ShapeArrays
+from ...tracking.color.agreement import agreement_of
 from ...tracking.config import TrackerConfig
 from ...tracking.estimate import TrackEstimate
+from ...tracking.region.modality import line_options
 from ...tracking.tracker import Tracker
 from ..outlines import working_rig
 from ..session import StudioSession
-from .score import ColorScore, ContourScore, PoseScore, PoseScorer
 
 _KEPT_SETS = 4
 
@@ -92,3 +111,156 @@ class PoseBench:
         same = image.pixels.shape[1::-1] == (lens.width, lens.height)
         pixels = image.bgr if same else cv2.resize(image.bgr, (lens.width, lens.height), interpolation=cv2.INTER_AREA)
         return CameraImage(image.camera, image.stamp_ns, np.ascontiguousarray(pixels))
+
+
+_LEAST_OUTLINE = 10  # samples of the outline of which a camera says something
+
+
+@dataclass(frozen=True)
+class CameraScore:
+    """What one camera says of a pose: ``value`` up to 1, None where it sees too little of the body, by so many samples."""
+
+    camera: str
+    value: float | None
+    samples: int
+
+
+@dataclass(frozen=True)
+class PoseScore:
+    """Of a pose: all cameras together, each of them, and each part of the body (None: seen too little)."""
+
+    total: float | None
+    cameras: tuple[CameraScore, ...]
+    parts: tuple[float | None, ...]
+
+
+class PoseScorer(Protocol):
+    """Scores poses of one body in images of one rig; 1 is best.
+
+    ``name`` and ``meaning`` say of what the score is. Not for several threads at once.
+    """
+
+    name: str
+    meaning: str
+
+    def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
+        """Score a pose.
+
+        Parameters
+        ----------
+        state : of the body.
+        images : (h, w, 3) uint8 BGR by camera; cameras without one do not count.
+
+        Returns
+        -------
+        1 is best.
+        """
+        ...
+
+
+class ContourScore:
+    """Scores poses of one body in the images of one rig.
+
+    Colors are learned in the very pose that is scored, as an engine does that is started there, so a pose has one score, whatever
+    was scored before. Lines are drawn at the finest scale of the tracker's, whose parameters hold.
+
+    Parameters
+    ----------
+    backgrounds : background images (h, w, 3) by camera, in the size of the rig's images.
+    """
+
+    name = "outline found"
+    meaning = "fraction of the body's outline that lies on a change of colors, as the region engine measures it"
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Mapping[str, np.ndarray]):
+        self._rig, self._model, self._config = rig, model, config
+        self._classes = color_classes(model)
+        self._stated = stated_densities(model, self._classes)
+        self._parallel = Workers(config.threads).map
+        arrays = ShapeArrays.from_model(model)
+        self._drawer = LineDrawer(rig, model, arrays, self._classes, line_options(config), self._parallel)
+        self._rooms, background = [], config.background
+        for camera in rig:
+            known = checked_backgrounds(camera.name, camera.model.width, camera.model.height, backgrounds.get(camera.name))
+            self._rooms.append(RegionBackground(known, background.sigma, background.learning_rate, background.body_margin_px))
+
+    def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
+        """Fraction of the outline that is found.
+
+        Parameters
+        ----------
+        state : of the body.
+        images : (h, w, 3) uint8 BGR by camera; cameras without one do not count.
+
+        Returns
+        -------
+        The total is that of all samples.
+        """
+        region = self._config.region
+        lines = self._drawer.draw(self._views(state, images), state, 1.0, region.model_sigma_px)
+        return self._scored(lines.at(state).part_evidence(region.inlier_px))
+
+    def _views(self, state: State, images: Mapping[str, np.ndarray]) -> list[View | None]:
+        body, region = Configuration(self._model, state), self._config.region
+
+        def learn(i: int) -> RegionColors | None:
+            colors, camera = RegionColors(self._classes, self._stated, region.color_prior), self._rig.cameras[i]
+            found = render_labels(body, camera, region.background_ring_px)
+            if found is None or camera.name not in images:
+                return None
+            colors.learn(images[camera.name], *found, 1.0, region.margin_px, region.background_ring_px)
+            return colors
+
+        learned = self._parallel(learn, list(range(len(self._rig))))
+        trust_stated_colors([colors for colors in learned if colors is not None])
+        return [
+            None if colors is None else View(images[camera.name], (colors.body, colors.scene), room.packed)
+            for camera, colors, room in zip(self._rig, learned, self._rooms, strict=True)
+        ]
+
+    def _scored(self, evidence: PartEvidence) -> PoseScore:
+        expected, close = evidence.expected, evidence.close
+        cameras = tuple(
+            CameraScore(camera.name, _fraction(close[i].sum(), expected[i].sum()), int(expected[i].sum()))
+            for i, camera in enumerate(self._rig)
+        )
+        parts = tuple(map(_fraction, close.sum(axis=0), expected.sum(axis=0)))
+        return PoseScore(_fraction(close.sum(), expected.sum()), cameras, parts)
+
+
+def _fraction(close: float, expected: float) -> float | None:
+    return float(close / expected) if expected >= _LEAST_OUTLINE else None
+
+
+class ColorScore:
+    """Scores poses of a body whose parts have stated colors."""
+
+    name = "colors agree"
+    meaning = "fraction of the body's mask whose colors are the model's, against chance, as the color engine judges"
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
+        color = config.color
+        self._rig, self._painted = rig, [model] * len(rig)
+        self._options = PhotometryOptions(
+            color.representation, color.normalized_weight, color.levels, robust_scale=color.robust_scale
+        )
+
+    def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
+        """Agreement of the colors.
+
+        Parameters
+        ----------
+        state : of the body.
+        images : (h, w, 3) uint8 BGR by camera; cameras without one do not count.
+
+        Returns
+        -------
+        The total is that of the median camera, as for the engine.
+        """
+        found = agreement_of(self._painted, self._rig, [images.get(c.name) for c in self._rig], state, self._options)
+        cameras = tuple(
+            CameraScore(camera.name, finite(value), int(pixels))
+            for camera, value, pixels in zip(self._rig, found.cameras, found.pixels.sum(axis=1), strict=True)
+        )
+        total = found.median if np.isfinite(found.cameras).any() else None
+        return PoseScore(total, cameras, tuple(map(finite, found.parts)))

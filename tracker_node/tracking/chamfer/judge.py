@@ -6,8 +6,14 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...objective import contour_residual as kernel
-from ...objective.chamfer.agreement import BOUNDARY, ON_BOUNDARY, ON_OUTLINE, OUTLINE
-from ...objective.chamfer.correspondences import CameraResiduals, ContourCorrespondences
+from ...objective.chamfer.correspondences import (
+    BOUNDARY,
+    ON_BOUNDARY,
+    ON_OUTLINE,
+    OUTLINE,
+    CameraResiduals,
+    ContourCorrespondences,
+)
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance

@@ -12,10 +12,9 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ...objective.color.score import ColorObjective
-from ...objective.constraints.prior import Prior
+from ...objective.constraints.prior import Prior, SumObjective
 from ...objective.normal_equations import Correspondences
 from ...objective.points.photometry import SurfaceCorrespondences
-from ...objective.sum_objective import SumObjective
 from ...optimize.fitter import Fit, Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, OptimizerResult
 from ...optimize.score_objective import SearchResult

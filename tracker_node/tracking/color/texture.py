@@ -15,7 +15,7 @@ from ...objective.points.texture import TextureLevel, TextureObjective, TextureS
 from ...observation.image_set import ImageSet
 from ...optimize.alignment import AlignmentOptions, align
 from ...optimize.fitter import Fit
-from ...optimize.reacquire import ReacquireOptions, reacquire
+from ...optimize.robust_fit import ReacquireOptions, reacquire
 from ...optimize.robust_start import RobustStartOptions
 from ...parallel import Workers
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance

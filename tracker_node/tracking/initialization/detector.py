@@ -26,10 +26,9 @@ from ...render.shape_arrays import ShapeArrays
 from ..config import InitializationConfig
 from ..modality import Images
 from .evidence import StartCoverage, StartEvidence
-from .fit import SilhouetteFit
 from .parts import LimbAlternatives
 from .pose_library import postures
-from .search import HypothesisSearch, Poses
+from .search import HypothesisSearch, Poses, SilhouetteFit
 from .segmentation import StartSegmentation
 
 _VOXELS = 14  # along the body

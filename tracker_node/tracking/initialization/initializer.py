@@ -1,24 +1,30 @@
-"""From images to a state to track from: starts are detected, tried by the engine, repaired, and compared with each other."""
+"""From images to a state to track from: starts are detected, tried by the engine, repaired, and compared with each other.
+
+Starts put to the test: what the engine makes of each, with doubtful limbs elsewhere, and over some image sets.
+"""
 
 from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
+from ...model.configuration import Configuration, State
 from ...observation.image_set import ImageSet
 from ...parallel import Workers
+from ..assessment import Assessment
 from ..config import InitializationConfig
 from ..engine import AnyEngine
-from ..estimate import Status, TrackEstimate
+from ..estimate import LimbReport, Status, TrackEstimate
+from ..limbs.tree import limbs_of
 from ..modality import Images
 from .detector import PoseDetector, Start
-from .trials import HOPEFUL, Contest, Follower, LimbRepair, Trial, rivals, tried
+from .parts import LimbAlternatives
 
 NOT_GIVEN = "no initial state has been given"
 _SURE = 0.6  # a start that covers so much of the evidence is taken whatever the engine says
@@ -155,3 +161,167 @@ class Initializer:
         if refined[best] < unrefined[best] - _WORSE:  # the engine has left what the body was found by
             held, state = False, starts[best].state
         return [state] if held or max(refined[best], unrefined[best]) > _SURE else []
+
+
+_DOUBTFUL = 0.05  # probability of being lost, of a limb that is searched elsewhere...
+_LOST = 0.5  # ...and that teaches nothing about the rest of the body
+_ELSEWHERE = 4  # places that are tried for it
+_ROUNDS = 2
+_UNCOVERED_COUNTS = 2.0  # times as much as what is covered, a share for a share
+_BETTER = 0.01  # share of the standing that another place of a limb must add
+_RIVAL = 0.85  # of the best one's standing: with less, a start is out
+HOPEFUL = 0.5  # the same before doubtful limbs have been searched elsewhere
+_SAME = 0.05  # of the body's size: states whose landmarks differ less, on average, are the same
+
+
+def standing(log_ratio: float, limbs: Sequence[LimbReport]) -> float:
+    """A state's log-likelihood ratio, less for every limb that is likely lost: a clear contour may be another thing's.
+
+    Parameters
+    ----------
+    log_ratio : of the images.
+    limbs : with their probabilities of being lost.
+
+    Returns
+    -------
+    ``log_ratio`` times the mean probability that a limb is not lost, where it is positive.
+    """
+    if log_ratio <= 0.0 or not limbs:
+        return log_ratio
+    return log_ratio * float(np.mean([1.0 - limb.probability for limb in limbs]))
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What the engine has made of a start in one image set. ``uncovered``: see `StartCoverage`."""
+
+    state: State
+    assessment: Assessment
+    uncovered: float = 0.0
+
+    @property
+    def standing(self) -> float:
+        """See `standing`, less for what is left uncovered; the engine has to have a log_ratio."""
+        assert self.assessment.log_ratio is not None
+        found = standing(self.assessment.log_ratio, self.assessment.limbs)
+        return found * (1.0 - min(self.uncovered, 1.0)) ** _UNCOVERED_COUNTS if found > 0.0 else found
+
+
+def tried(engine: AnyEngine, images: Images, image_set: ImageSet, start: State) -> Trial:
+    """A fit by an engine that has been reset.
+
+    Parameters
+    ----------
+    engine, images, image_set : it learns from these images, and fits to them.
+    start : state to begin at.
+
+    Returns
+    -------
+    The state with its assessment.
+    """
+    engine.reset()
+    state = engine.begin(images, start)
+    engine.observe(images, state)
+    result = engine.fit(state, True)
+    return Trial(result.state, engine.assess(result, image_set))
+
+
+class LimbRepair:
+    """Searches the doubtful limbs of a start elsewhere; the engine decides what is better."""
+
+    def __init__(self, model: ArticulatedModel, alternatives: LimbAlternatives):
+        self._limbs, self._alternatives = limbs_of(model), alternatives
+
+    def __call__(self, trial: Trial, attempt: Callable[[State], Trial]) -> Trial:
+        """The best that `attempt` has made of ``trial`` and what differs from it in one limb after the other."""
+        for _ in range(_ROUNDS):
+            before = trial
+            doubts = [limb.probability for limb in trial.assessment.limbs]
+            for i in sorted(range(1, len(doubts)), key=lambda i: -doubts[i]):
+                if trial.assessment.limbs[i].probability > _DOUBTFUL:
+                    trial = self._with_limb_elsewhere(i, trial, attempt)
+            if trial is before:
+                break
+        return trial
+
+    def _with_limb_elsewhere(self, i: int, trial: Trial, attempt: Callable[[State], Trial]) -> Trial:
+        doubtful = np.zeros_like(self._limbs[0].shapes)
+        for limb, said in zip(self._limbs[1:], trial.assessment.limbs[1:], strict=True):
+            doubtful |= limb.shapes & (said.probability > _LOST)
+        others = [attempt(state) for state in self._alternatives.find(trial.state, self._limbs[i], doubtful, _ELSEWHERE)]
+        best = max(others, key=lambda other: other.standing, default=trial)
+        return best if best.standing > trial.standing + _BETTER * abs(trial.standing) else trial
+
+
+class Follower(Protocol):
+    """What goes on from a start: a tracker of its own. ``log_ratio`` is that of its last assessment."""
+
+    @property
+    def log_ratio(self) -> float | None:
+        """Of the last assessment."""
+        ...
+
+    def reset(self) -> None:
+        """Forget everything."""
+        ...
+
+    def set_state(self, state: State) -> None:
+        """Where the body is in the next image set."""
+        ...
+
+    def step(self, image_set: ImageSet) -> TrackEstimate:
+        """Follow it there."""
+        ...
+
+
+class Contest:
+    """Several starts, followed side by side until one of them is clearly the best, or some image sets have passed."""
+
+    def __init__(self, followers: Sequence[Follower], starts: Sequence[State], most_sets: int):
+        self._followers, self._most_sets = list(followers), most_sets
+        self._totals = np.zeros(len(self._followers))
+        self.sets = 0
+        for follower, state in zip(followers, starts, strict=True):
+            follower.reset()
+            follower.set_state(state)
+
+    def __len__(self) -> int:
+        return len(self._followers)
+
+    def step(self, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
+        """The winner, and what it says of this image set; None as long as there is none."""
+        estimates = [follower.step(image_set) for follower in self._followers]
+        self.sets += 1
+        pairs = zip(self._followers, estimates, strict=True)
+        self._totals += [standing(follower.log_ratio or 0.0, estimate.limbs) for follower, estimate in pairs]
+        best = int(np.argmax(self._totals))
+        winner, estimate = self._followers[best], estimates[best]
+        stay = np.flatnonzero(self._totals >= self._totals[best] - (1.0 - _RIVAL) * abs(self._totals[best]))
+        self._followers, self._totals = [self._followers[i] for i in stay], self._totals[stay]
+        sure = len(stay) == 1 and (estimate.status is Status.TRACKING or winner.log_ratio is None)
+        return (winner, estimate) if sure or self.sets >= self._most_sets else None
+
+
+def rivals(model: ArticulatedModel, trials: Sequence[Trial], size_m: float, n: int, share: float = _RIVAL) -> list[Trial]:
+    """The best trials that are not the same as a better one.
+
+    Parameters
+    ----------
+    model, trials : body, and its trials.
+    size_m : of the body; landmarks nearer than a fraction of it are the same.
+    n : at most.
+    share : fraction of the best one's standing that the others need.
+
+    Returns
+    -------
+    The best first.
+    """
+    kept: list[Trial] = []
+    points: list[np.ndarray] = []
+    for trial in sorted(trials, key=lambda trial: -trial.standing):
+        own = Configuration(model, trial.state).landmarks_world
+        same = any(len(own) and np.linalg.norm(own - other, axis=1).mean() < _SAME * size_m for other in points)
+        if not same and (not kept or trial.standing > share * kept[0].standing) and len(kept) < n:
+            kept.append(trial)
+            points.append(own)
+    return kept
