@@ -112,6 +112,18 @@ def test_the_newest_set_wins_and_the_others_are_counted(build, probe):
     assert bench.node._sets.dropped == 4
 
 
+def test_where_it_is_lossless_no_set_is_left_out(build, probe):
+    bench = build(lossless=True)
+    bench.detector.go.clear()
+    for i in range(1, 7):
+        bench.send(i)
+        bench.sets(i)
+    bench.detector.go.set()
+    probe.spin_until(lambda: len(bench.points["cam1"]) == 6, "points of all sets")
+    assert stamps(bench.points["cam1"]) == [i * PERIOD_NS for i in range(1, 7)]
+    assert bench.node._sets.dropped == 0
+
+
 def test_it_searches_around_the_body_and_elsewhere_where_nobody_is_there(build, probe):
     bench, near, empty = build(), Crop((20.0, 30.0), 40.0, 0.1), Crop((1.0, 1.0), 5.0)
     bench.crops.publish(message_of(Crops, crops(3 * PERIOD_NS, "world", ("cam1", "cam2"), (near, empty))))

@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rate", type=_rate, default=5.0, metavar="HZ", help="image sets a second at most (default: 5; 0: as many as possible)"
     )
+    parser.add_argument("--lossless", action="store_true", help="look at every image set in order, for a lossless tracker")
     parser.add_argument(
         "--tracker", default="tracker", metavar="NODE", help="node whose crops say where to search (default: tracker; '': none)"
     )
@@ -90,6 +91,7 @@ def run(args: argparse.Namespace) -> int:
         tracker=args.tracker,
         compressed=args.compressed,
         rate_hz=args.rate,
+        lossless=args.lossless,
         niceness=args.niceness,
     )
     with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:

@@ -42,6 +42,7 @@ class KeypointsOptions:
     tracker : node whose ``crops`` say where the body is; empty: whole images are searched.
     compressed : subscribe to JPEG images.
     rate_hz : at most so many image sets a second; 0: as many as possible.
+    lossless : look at every image set, in order, instead of the newest.
     niceness : of the thread that detects.
     """
 
@@ -52,6 +53,7 @@ class KeypointsOptions:
     tracker: str = "tracker"
     compressed: bool = False
     rate_hz: float = 0.0
+    lossless: bool = False
     niceness: int = NICENESS
 
 
@@ -69,7 +71,9 @@ class KeypointsNode(GuardedNode):
         self._options = options
         self._diagnostics = Diagnostics(self, options.name)
         self._mismatches = QosMismatches(self, self._diagnostics)
-        self._sets = NewestSet(self, tuple(options.cameras), options.synchronizer, options.compressed, self._mismatches)
+        self._sets = NewestSet(
+            self, tuple(options.cameras), options.synchronizer, options.compressed, self._mismatches, options.lossless
+        )
         self._points_of = {
             camera: self.create_publisher(
                 Keypoints, f"{camera}/keypoints", **overridable(_POINTS),

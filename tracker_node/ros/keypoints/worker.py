@@ -29,9 +29,10 @@ from ...runs.set_formation import SetFormation
 from ...tracking.config import SynchronizerConfig
 from ..conversions import bgr_of_compressed, decode_raw_image
 from ..diagnostics import QosMismatches
-from ..qos import LIVE_IMAGES, overridable
+from ..qos import images_subscribed, overridable
 
 _REMEMBERED = 50  # image sets that times are of
+_MOST_WAITING = 64  # image sets, where none is to be left out: as many as a source sends ahead of the tracker
 
 
 def be_nice(niceness: int) -> None:
@@ -188,6 +189,7 @@ class NewestSet:
     config : how images are matched.
     compressed : JPEG images instead of raw ones.
     mismatches : is informed when a publisher offers what we cannot take.
+    lossless : older sets wait for their turn, for a source that waits for us.
 
     Attributes
     ----------
@@ -196,18 +198,19 @@ class NewestSet:
     """
 
     def __init__(
-        self, node: Node, cameras: Sequence[str], config: SynchronizerConfig, compressed: bool, mismatches: QosMismatches
-    ):
+        self, node: Node, cameras: Sequence[str], config: SynchronizerConfig, compressed: bool, mismatches: QosMismatches,
+        lossless: bool = False,
+    ):  # fmt: skip
         self._formation = SetFormation(tuple(cameras), config)
         self._condition = threading.Condition()
-        self._newest: ImageSet | None = None
+        self._waiting: deque[ImageSet] = deque(maxlen=_MOST_WAITING if lossless else 1)
         self.formed = self.dropped = 0
         self.problems: dict[str, str] = {}
         kind, topic = (CompressedImage, "image_raw/compressed") if compressed else (Image, "image_raw")
         for camera in cameras:
             name = f"{camera}/{topic}"
             node.create_subscription(
-                kind, name, partial(self._add, camera), **overridable(LIVE_IMAGES),
+                kind, name, partial(self._add, camera), **overridable(images_subscribed(lossless)),
                 event_callbacks=mismatches.of_subscription(camera, name), raw=kind is Image,
             )  # fmt: skip
 
@@ -222,8 +225,8 @@ class NewestSet:
         for image_set in self._formation.add(image):
             with self._condition:
                 self.formed += 1
-                self.dropped += self._newest is not None
-                self._newest = image_set
+                self.dropped += len(self._waiting) == self._waiting.maxlen
+                self._waiting.append(image_set)
                 self._condition.notify()
 
     @property
@@ -232,12 +235,11 @@ class NewestSet:
         return self._formation.counters
 
     def take(self, timeout_s: float) -> ImageSet | None:
-        """The newest set, once; waits for one if there is none, and returns None if none comes."""
+        """The newest set, or the next, once; waits for one if there is none, and returns None if none comes."""
         with self._condition:
-            if self._newest is None:
+            if not self._waiting:
                 self._condition.wait(timeout=timeout_s)
-            taken, self._newest = self._newest, None
-            return taken
+            return self._waiting.popleft() if self._waiting else None
 
     def wake(self) -> None:
         """Let `take` return at once."""
