@@ -19,8 +19,8 @@ from tracker_node.tracking.estimate import LimbStatus, Status, TrackEstimate
 from tracker_node.tracking.modality import PeopleSeen, Persons
 from tracker_node.tracking.tracker import Tracker
 
-TOGETHER, POINTS, CONTOURS = "together", "points", "contours"
-MODALITIES = {TOGETHER: ["region", "keypoints"], POINTS: ["keypoints"], CONTOURS: ["region"]}
+TOGETHER, POINTS, OWN_BODY, CONTOURS = "together", "points", "own_body", "contours"
+MODALITIES = {kind: ["region", "keypoints"] for kind in (TOGETHER, OWN_BODY)} | {POINTS: ["keypoints"], CONTOURS: ["region"]}
 
 WithPeople = Callable[[Tracker, ImageSet], tuple[ImageSet, float]]
 """Puts people into an image set; and the milliseconds of the network."""

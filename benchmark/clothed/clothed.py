@@ -5,8 +5,9 @@ Clips: ``jump`` and ``box``, rendered by others (``clothed_people`` beside the o
 and seeds 1 to 8 of ``draw_clips.py`` where they are drawn; ``--clips`` names others. The body is scaled to ``static.trc``;
 parameters are the defaults, no background is known, states are those of the moment. ``clothed_CLIP``: modalities region and
 keypoints, the body is found in the first image set; ``..._points``: keypoints alone; ``..._contours``: region alone, from the
-true state. ``mpjpe12_mm``, ``offset_free12_mm``: mean error of 12 joints, raw, and without one constant offset a joint in the
-world.
+true state; ``..._own_body``: both modalities, the body made from the points of the first five image sets; ``bone_error_mm``: of
+the lengths of its eight limb bones. ``mpjpe12_mm``, ``offset_free12_mm``: mean error of 12 joints, raw, and without one constant
+offset a joint in the world.
 
 ``clothed.wrong_called_tracking``, ``right_called_lost``: fractions of the limb-sets that are wrong (end joint more than 150 mm
 off) or right: together and contours as above, and together with a limb put wrong at the start, with a fifth of the detections
@@ -44,9 +45,10 @@ from benchmark.clothed._judged import (
     worst_joints,
     wrong_sets,
 )
+from benchmark.clothed._own_body import bone_error_mm, with_own_body
 from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import JOINTS, ClothedClip, default_folders, limbs_shown, load_clip
-from benchmark.clothed._runs import CONTOURS, POINTS, TOGETHER, Run, settings, track, without_people
+from benchmark.clothed._runs import CONTOURS, OWN_BODY, POINTS, TOGETHER, Run, settings, track, without_people
 from benchmark.clothed._starts import Trial, starts
 from benchmark.contour._runs import WARM_UP, print_circumstances
 from tracker_node.errors import SourceError, TrackerError
@@ -54,7 +56,7 @@ from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.observation.keypoints.blazepose import BlazePoseFiles
 from tracker_node.report.metrics_file import print_metrics, write_metrics
 
-PARTS = ("trust", "starts", "contours")
+PARTS = ("own_body", "trust", "starts", "contours")
 DEFAULT_SIZE = "full"
 QUICK_CONTOURS = 2  # clips of which contours alone are tracked in a quick run
 OUTPUT = Path("out/benchmark/clothed")
@@ -64,7 +66,8 @@ OUTPUT = Path("out/benchmark/clothed")
 class Found:
     """What has been measured so far; ``limbs`` by kind of run and clip."""
 
-    runs: dict[str, list[Run]] = field(default_factory=lambda: {kind: [] for kind in (TOGETHER, POINTS, CONTOURS)})
+    runs: dict[str, list[Run]] = field(default_factory=lambda: {kind: [] for kind in (TOGETHER, POINTS, OWN_BODY, CONTOURS)})
+    bones_mm: list[float] = field(default_factory=list)
     limbs: dict[tuple[str, str], LimbCounts] = field(default_factory=dict)
     decisions: Decisions = field(default_factory=Decisions)
     trials: list[Trial] = field(default_factory=list)
@@ -108,6 +111,11 @@ def measure(clips: list[ClothedClip], files: BlazePoseFiles, args: argparse.Name
     for clip in clips:
         for kind in (TOGETHER, POINTS):
             _add(found, clip, track(clip, kind, settings(kind, args.changes), kept[clip.name].with_people))
+    if "own_body" in args.only:
+        for clip in clips:
+            own = with_own_body(clip, kept[clip.name])
+            found.bones_mm.append(bone_error_mm(clip, own.model))
+            _add(found, own, track(own, OWN_BODY, settings(OWN_BODY, args.changes), kept[clip.name].with_people))
     if "trust" in args.only:
         for clip, run in zip(clips, found.runs[TOGETHER], strict=True):
             others = [each for each in found.runs[TOGETHER] if each.clip != clip.name]
@@ -154,7 +162,7 @@ def figures_of(found: Found, size: str) -> dict[str, float | int]:
     mark = "" if size == DEFAULT_SIZE else f"_{size}"
     figures: dict[str, float | int] = {}
     results = {kind: [accuracy(run) for run in runs] for kind, runs in found.runs.items()}
-    for kind, ending in ((TOGETHER, ""), (POINTS, "_points"), (CONTOURS, "_contours")):
+    for kind, ending in ((TOGETHER, ""), (POINTS, "_points"), (OWN_BODY, "_own_body"), (CONTOURS, "_contours")):
         for run, result in zip(found.runs[kind], results[kind], strict=True):
             name = f"clothed{mark}_{run.clip}{ending}"
             figures |= {
@@ -165,6 +173,12 @@ def figures_of(found: Found, size: str) -> dict[str, float | int]:
                 f"{name}.wrong_called_tracking": found.limbs[kind, run.clip].fractions()["wrong_called_tracking"],
             }  # fmt: skip
     name = f"clothed{mark}"
+    figures |= {
+        f"clothed{mark}_{run.clip}_own_body.bone_error_mm": value
+        for run, value in zip(found.runs[OWN_BODY], found.bones_mm, strict=True)
+    }
+    if found.bones_mm:
+        figures[f"{name}.bone_error_mm"] = float(np.mean(found.bones_mm))
     limbs = sum((each for (kind, _), each in found.limbs.items() if kind != POINTS), LimbCounts())
     figures |= {f"{name}.{key}": value for key, value in limbs.fractions().items()}
     figures |= {f"{name}.wrong_limb_sets": limbs.wrong, f"{name}.right_limb_sets": limbs.right}
