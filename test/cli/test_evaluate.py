@@ -273,15 +273,15 @@ def test_without_a_model_it_asks_for_one(files, tmp_path, capsys):
     assert "--model" in capsys.readouterr().err
 
 
-def test_what_the_images_do_not_tell_takes_a_few_lines():
+def test_what_the_images_do_not_tell_takes_a_sentence():
     """However many there are: five that last, and how many more."""
     untold = [{"what": f"joint_{i}", "sets": i} for i in range(1, 31)]
-    said = unobservable_text({"image_sets": 100, "unobservable": untold})
-    assert len(said) == 6 and "30 sets do not tell the joint_30;" in said[0] and "25 other degrees of freedom" in said[-1]
-    short = unobservable_text({"image_sets": 100, "unobservable": untold[:10]})
-    assert len(short) == 2 and "10 sets" in short[0] and "9 other" in short[1]
+    (said,) = unobservable_text({"image_sets": 100, "unobservable": untold})
+    assert "tell joint_30 (30 sets), joint_29" in said and "joint_26 (26 sets) and 25 other degrees of freedom" in said
+    (short,) = unobservable_text({"image_sets": 100, "unobservable": untold[:10]})
+    assert "tell joint_10 (10 sets) and 9 other" in short
     assert unobservable_text({"image_sets": 1, "unobservable": untold[:1]}) == [
-        "The images of 1 set do not tell the joint_1; it is guessed there."
+        "The images do not always tell joint_1 (1 set): there they are guessed."
     ]
 
 

@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..evaluation.evaluate import EvaluationOptions
+    from ..evaluation.masks.reference import load_reference_masks
     from ..evaluation.report import builder as report
     from ..evaluation.run_review import RunFiles, review_run
     from ..report.metrics_file import print_metrics
@@ -60,11 +61,12 @@ def run(args: argparse.Namespace) -> int:
     targets, lag = _targets_of(args.target), lag_of(args.lag)
     names, folder = names_of(args.runs, args.name), output_folder(args.output, args.runs)
     models, rigs = (one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
+    masks = load_reference_masks(args.masks) if args.masks else {}
     reviews = []
     for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
         compared = EvaluationOptions(name, lag, args.align, args.image_sets)
         files = RunFiles(
-            path, model, rig, args.topic, args.truth, args.y_up, args.masks, args.pictures, compared, args.first_image
+            path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image
         )
         reviews.append(review_run(files, _say))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from ..errors import TrackerError
@@ -13,8 +14,9 @@ from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..runs.images import file_of, first_image_of, rig_of_run
 from ..runs.load import load_run
+from ..runs.writer import BODY
 from .evaluate import EvaluationOptions
-from .masks.reference import load_reference_masks
+from .masks.reference import CameraMasks
 from .masks.silhouettes import ImageReview, ReviewOptions, review_images
 from .review import Review, review
 from .truth.files import truth_of
@@ -32,7 +34,7 @@ class RunFiles:
     run : folder of a run, or a bag; ``topic`` of its states, where a bag has several.
     model, rig : files; None: those that run.json names. Without a rig there are no silhouettes and no pictures.
     truth : files, at most one of positions and one of degrees of freedom; ``y_up``: see `truth.files.truth_of`.
-    masks : file of reference masks.
+    masks : camera -> reference masks.
     pictures : time steps on the contact sheets.
     options : ``first_image`` None: the one that run.json says, or 0.
     """
@@ -43,7 +45,7 @@ class RunFiles:
     topic: str | None = None
     truth: Sequence[str] = ()
     y_up: bool | None = None
-    masks: str | None = None
+    masks: Mapping[str, CameraMasks] = field(default_factory=dict)
     pictures: int = 6
     options: EvaluationOptions = field(default_factory=EvaluationOptions)
     first_image: int | None = None
@@ -79,7 +81,7 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     options = replace(files.options, first_image=first_image)
     found = review(tracked, model, truth_of(files.truth, files.y_up, model), options, sources)
     shown = ReviewOptions(files.pictures, first_image=first_image)
-    images = _images(files, tracked, model, rig_path, shown, found.period_s * 1e9, tell)
+    images = _images(files, tracked, _as_seen(files, model), rig_path, shown, found.period_s * 1e9, tell)
     problems = [*found.problems, *_contradicted(tracked.info), *unobservable_text(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
     return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems)
@@ -96,9 +98,17 @@ def _images(
 ) -> ImageReview:
     if not rig_path:
         return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
-    masks = load_reference_masks(files.masks) if files.masks else {}
     rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != file_of(tracked.info, "rig"))
-    return review_images(tracked, model, rig, masks, period_ns, options, tell)
+    return review_images(tracked, model, rig, files.masks, period_ns, options, tell)
+
+
+def _as_seen(files: RunFiles, model: ArticulatedModel) -> ArticulatedModel:
+    """The body with the clothes that the run has found; ``model`` where it has not, or where another body is named."""
+    path = Path(files.run) / BODY
+    if files.model is not None or not path.is_file():
+        return model
+    seen = load_model(path)
+    return seen if seen.chain.dof_names == model.chain.dof_names else model
 
 
 def _contradicted(info: Mapping[str, Any]) -> list[str]:
@@ -108,14 +118,14 @@ def _contradicted(info: Mapping[str, Any]) -> list[str]:
 
 
 def unobservable_text(info: Mapping[str, Any]) -> list[str]:
-    """Sentences on degrees of freedom that the images do not show, from ``run.json``; the most lasting first."""
+    """A sentence on the degrees of freedom that the images do not show, from ``run.json``, or none; the most lasting first."""
     found = sorted(info.get("unobservable") or [], key=lambda entry: -entry["sets"])
+    if not found:
+        return []
     least = _LASTING * info.get("image_sets", 0)
     shown = [entry for entry in found if entry["sets"] >= least][:_MOST_UNOBSERVABLE]
-    said = [
-        f"The images of {entry['sets']} set{'s' * (entry['sets'] != 1)} do not tell the {entry['what']}; it is guessed there."
-        for entry in shown
-    ]
-    more = len(found) - len(shown)
-    others = "one other degree of freedom" if more == 1 else f"{more} other degrees of freedom"
-    return [*said, *([f"The images of some sets do not tell {others}."] if more else [])]
+    said = [f"{entry['what']} ({entry['sets']} set{'s' * (entry['sets'] != 1)})" for entry in shown]
+    if more := len(found) - len(shown):
+        said.append("one other degree of freedom" if more == 1 else f"{more} other degrees of freedom")
+    listed = " and ".join([", ".join(said[:-1]), said[-1]] if len(said) > 1 else said)
+    return [f"The images do not always tell {listed}: there they are guessed."]

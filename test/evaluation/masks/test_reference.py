@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError, SourceError, TrackerError
+from tracker_node.evaluation.masks import reference
 from tracker_node.evaluation.masks.reference import (
+    CameraMasks,
     channel_gains,
     load_reference_masks,
     polygon_mask,
@@ -128,6 +130,25 @@ def test_file_of_masks(tmp_path):
     assert masks["a"].mask(3).shape == (50, 40)
     assert masks["b"].image_numbers(3) == [0, 1, 2]
     assert masks["b"].still == str(tmp_path / "b.png") and masks["c"].still == ""
+
+
+def test_runs_over_the_same_images_have_a_difference_made_once(monkeypatch):
+    made = []
+
+    def difference(image, still):
+        made.append((image, still))
+        mask = np.zeros(image.shape[:2], np.uint8)
+        mask[2:4, 5:] = 255
+        return mask
+
+    monkeypatch.setattr(reference, "still_difference_mask", difference)
+    masks, image, still = CameraMasks("a", 11, 6, still=""), np.zeros((6, 11, 3), np.uint8), np.ones((6, 11, 3), np.uint8)
+    first, again = masks.mask(0, image, still), masks.mask(0, image.copy(), still)
+    assert len(made) == 1 and (first == difference(image, still)).all() and (again == first).all()
+    made.clear()
+    masks.mask(0, image + 1, still)  # of another video
+    masks.mask(0, image, still + 1)
+    assert len(made) == 2
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from helpers.bodies.stick_person import Motion, motion, write_run, write_state_b
 from helpers.studio.browser import browser_tab
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.masks.silhouettes import Picture
-from tracker_node.evaluation.report.builder import ReportOptions, write_report
+from tracker_node.evaluation.report.builder import ReportOptions, _facts, contact_sheets, write_report
 from tracker_node.evaluation.report.summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
@@ -175,6 +175,23 @@ def test_figures_of_all_runs_are_in_one_file(folder):
     metrics = json.loads((folder / "two" / "report.json").read_text())["metrics"]
     assert metrics["walk.mpjpe_mm"] == pytest.approx(30.0) and metrics["run.mpjpe_mm"] > 30.0
     assert metrics["walk.said_lost_sets"] == 3 and metrics["walk.total_ms_p99"] == pytest.approx(3.0)
+
+
+def test_runs_over_the_same_images_are_shown_side_by_side(tmp_path):
+    one, other = reviewed(tmp_path), reviewed(tmp_path, "run", seed=4)
+    overlays, masks = contact_sheets([one, other])
+    assert (overlays.title, masks.title) == ("Contact sheet, side by side", "Target through mask, side by side")
+    captions = [[caption for caption, _ in row] for row in overlays.rows]
+    assert captions[1] == ["walk: cam02, image 0", "run: cam02, image 0"] and len(captions) == 4
+    apart = [sheet.title for sheet in contact_sheets([one, replace(other, pictures=other.pictures[:2])])]
+    assert apart == ["Contact sheet: walk", "Contact sheet: run", "Target through mask: walk"]
+    assert [sheet.title for sheet in contact_sheets([one])] == ["Contact sheet", "Target through mask"]
+
+
+def test_what_runs_have_in_common_is_said_once(tmp_path):
+    reviews = [replace(reviewed(tmp_path, name), sources={"run": name, "rig": "r.yaml"}) for name in ("a", "b")]
+    facts = [label for label, _ in _facts(reviews)]
+    assert facts[0] == "rig" and "a, run" in facts and "b, run" in facts and "a, rig" not in facts
 
 
 def test_differences_say_which_run_is_better(tmp_path):

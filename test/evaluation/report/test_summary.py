@@ -121,7 +121,7 @@ def test_of_several_runs_each_has_a_difference_to_the_first(tmp_path):
     runs = [judged(tmp_path, name=name) for name in "abc"]
     two, three = summary_table(runs[:2], {}), summary_table(runs, {})
     assert [column.title for column in two.columns] == ["metric", "a", "b", "difference", "", "meaning", "key"]
-    assert [column.title for column in three.columns][4:6] == ["b − a", "c − a"]
+    assert [(column.title, column.group) for column in three.columns][4:6] == [(n, "difference to a") for n in "bc"]
     assert "Differences are to a" in three.note
     assert {row[-1].value for row in two.rows} >= {"mpjpe_mm", "image_sets"}
     assert summary_table(runs[:1], {}).note == ""

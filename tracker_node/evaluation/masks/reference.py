@@ -8,6 +8,7 @@ another.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -247,6 +248,7 @@ class CameraMasks:
     height: int
     polygons: Mapping[int, list[np.ndarray]] = field(default_factory=dict)
     still: str | None = None
+    _made: dict[bytes, np.ndarray] = field(default_factory=dict, repr=False)  # digest of images -> bits: runs are compared by one
 
     def image_numbers(self, n_images: int) -> list[int]:
         """Numbers of the images below ``n_images`` that have a mask."""
@@ -270,7 +272,10 @@ class CameraMasks:
             return polygon_mask(self.polygons[number], self.width, self.height)
         if image_bgr is None or still_bgr is None:
             raise ValueError("expected the image and the still for a mask by difference")
-        return still_difference_mask(image_bgr, still_bgr)
+        digest = hashlib.sha1(image_bgr.tobytes() + still_bgr.tobytes(), usedforsecurity=False).digest()
+        if digest not in self._made:
+            self._made[digest] = np.packbits(still_difference_mask(image_bgr, still_bgr) > 0, axis=1)
+        return 255 * np.unpackbits(self._made[digest], axis=1, count=image_bgr.shape[1])
 
 
 def load_reference_masks(path: str | Path) -> dict[str, CameraMasks]:

@@ -103,16 +103,28 @@ def _document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Do
 
 
 def _facts(reviews: Sequence[Review]) -> list[tuple[str, str]]:
-    facts = []
-    for review in reviews:
-        before = f"{review.name}, " if len(reviews) > 1 else ""
-        facts += [(f"{before}{label}", value) for label, value in review.sources.items()]
-        if review.joints is not None:
-            lag, estimated = review.joints.lag_images, review.joints.lag_was_estimated
-            how = "estimated: of all between -2 and 2 images it leaves the least offset-free error" if estimated else "as stated"
-            facts.append((f"{before}lag", f"row i of the truth belongs to image i {lag:+.2f}, one constant for the run, {how}"))
-            if review.joints.lost_limbs:
-                facts.append((f"{before}lost limbs", ", ".join(review.joints.lost_limbs)))
+    """(label, text): first what all runs have in common."""
+    each = [_facts_of(review) for review in reviews]
+    if len(reviews) == 1:
+        return each[0]
+    common = [fact for fact in each[0] if all(fact in facts for facts in each)]
+    own = [
+        (f"{review.name}, {label}", text)
+        for review, facts in zip(reviews, each, strict=True)
+        for label, text in facts
+        if (label, text) not in common
+    ]
+    return [*common, *own]
+
+
+def _facts_of(review: Review) -> list[tuple[str, str]]:
+    facts = list(review.sources.items())
+    if review.joints is not None:
+        lag, estimated = review.joints.lag_images, review.joints.lag_was_estimated
+        how = "estimated: of all between -2 and 2 images it leaves the least offset-free error" if estimated else "as stated"
+        facts.append(("lag", f"row i of the truth belongs to image i {lag:+.2f}, one constant for the run, {how}"))
+        if review.joints.lost_limbs:
+            facts.append(("lost limbs", ", ".join(review.joints.lost_limbs)))
     return facts
 
 
@@ -138,7 +150,7 @@ def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Itera
     yield "consistency", "Covariance consistency", [*_each(reviews, charts.nees_chart), *_each(reviews, tables.nees_table)]
     yield "silhouettes", "Silhouettes", [*_each(reviews, charts.silhouette_chart)]
     yield "offsets", "Constant offsets", [*_each(reviews, tables.offset_table)]
-    yield "pictures", "Pictures", _titled(reviews, [list(contact_sheets(review)) for review in reviews])
+    yield "pictures", "Pictures", list(contact_sheets(reviews))
 
 
 def _each(reviews: Sequence[Review], make: Callable[[Review], Block | None]) -> list[Block | None]:
@@ -241,21 +253,32 @@ def _landmark_curves(review: Review, color: str) -> Iterator[Curve]:
         yield Curve("landmarks", name.replace("_", " "), "mm", panels)
 
 
-def contact_sheets(review: Review) -> Iterator[Pictures]:
-    """The body over its images, and the images through its mask."""
-    kinds = (
-        (
-            "overlay",
-            "Contact sheet",
-            "The tracked body drawn into the images, a time step a row; left limbs blue, right limbs orange.",
-        ),
-        ("mask", "Target through mask", "What the images show where the body is said to be: in its place it shows itself alone."),
-    )
-    for kind, title, note in kinds:
-        rows = contact_sheet([picture for picture in review.pictures if picture.kind == kind])
-        if rows:
-            captioned = [[(_caption(picture), picture.bgr) for picture in row] for row in rows]
-            yield Pictures(f"{kind}_{review.name}", title, note, captioned)
+_KINDS = (
+    ("overlay", "Contact sheet", "The tracked body drawn into the images{rows}; left limbs blue, right limbs orange."),
+    ("mask", "Target through mask", "What the images show where the body is said to be{rows}: there it shows itself alone."),
+)
+
+
+def contact_sheets(reviews: Sequence[Review]) -> Iterator[Pictures]:
+    """The body over its images, and the images through its mask; side by side where runs show the same images."""
+    alike = len({tuple((p.kind, p.camera, p.number) for p in review.pictures) for review in reviews}) == 1
+    for kind, title, note in _KINDS:
+        sheets = [contact_sheet([picture for picture in review.pictures if picture.kind == kind]) for review in reviews]
+        if not any(sheets):
+            continue
+        if alike and len(reviews) > 1:
+            columns = [
+                [(f"{review.name}: {_caption(picture)}", picture.bgr) for row in sheet for picture in row]
+                for review, sheet in zip(reviews, sheets, strict=True)
+            ]
+            side_by_side = note.format(rows=", a run a column")
+            yield Pictures(kind, f"{title}, side by side", side_by_side, list(zip(*columns, strict=True)))
+            continue
+        for review, sheet in zip(reviews, sheets, strict=True):
+            rows = [[(_caption(picture), picture.bgr) for picture in row] for row in sheet]
+            if rows:
+                of = f": {review.name}" if len(reviews) > 1 else ""
+                yield Pictures(f"{kind}_{review.name}", f"{title}{of}", note.format(rows=", a time step a row"), rows)
 
 
 def _caption(picture: Picture) -> str:

@@ -122,7 +122,10 @@ def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> T
         keys.append((Metric(key, key, "", "" if key in known else "was not measured", 3), key, key))
     others = [review.name for review in reviews[1:]]
     columns = [Column("metric", is_text=True), *(Column("value" if not others else review.name) for review in reviews)]
-    columns += [Column("difference" if len(others) == 1 else f"{name} − {reviews[0].name}") for name in others]
+    if len(others) == 1:
+        columns.append(Column("difference"))
+    else:
+        columns += [Column(name, group=f"difference to {reviews[0].name}") for name in others]
     columns += [Column("", is_text=True), *([Column("target")] if targets else [])]
     columns += [Column("meaning", is_text=True), Column("key", is_text=True)]
     alike = [all(run.get(key) == values[0].get(key) for key in ("image_sets", "judged_sets")) for run in values]
