@@ -4,10 +4,10 @@
 ``house.modules`` and ``house.lines``: ``.py`` in `tracker_node`, lines of all of them, ``__init__`` not counted as modules.
 ``house.largest_folder``: most ``.py`` files directly in one folder of `tracker_node`, `test` or `benchmark`.
 ``house.documented_public``: fraction of the public functions and methods of two or more arguments whose docstring has
-Parameters and, where something is returned, Returns. ``docs.pages``, ``docs.words``: ``docs/*.md`` and the README without
-generated pages. ``api.script_lines``: lines of the script in the README, blank ones left out. ``start.import_s``: median of
-fresh processes from their start to their end; ``start.import_in_numpy`` is that over the median of ``import numpy``. ``--quick``
-starts fewer processes.
+Parameters and, where something is returned, Returns; methods that override those of a base class are not counted.
+``docs.pages``, ``docs.words``: ``docs/*.md`` and the README without generated pages. ``api.script_lines``: lines of the script
+in the README, blank ones left out. ``start.import_s``: median of fresh processes from their start to their end;
+``start.import_in_numpy`` is that over the median of ``import numpy``. ``--quick`` starts fewer processes.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from tracker_node.report.metrics_file import report_metrics
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
 from benchmark.contour._runs import print_circumstances
+from tools.check_docstrings import overriding
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("tracker_node", "test", "benchmark")
@@ -38,13 +39,15 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 def main(arguments: list[str] | None = None) -> int:
     args = _arguments(arguments)
-    functions = [function for file in python_files(ROOT / "tracker_node") for function in public_functions(file)]
+    files = python_files(ROOT / "tracker_node")
+    inherited = overriding(files)
+    functions = [function for file in files for function in public_functions(file, inherited)]
     pages = pages_of(ROOT)
     largest, n_files = largest_folder(ROOT)
     own_s, numpy_s = import_times_s(("tracker_node", "numpy"), QUICK_STARTS if args.quick else STARTS)
     figures: dict[str, float | int] = {
-        "house.modules": sum(file.name != "__init__.py" for file in python_files(ROOT / "tracker_node")),
-        "house.lines": sum(len(file.read_text().splitlines()) for file in python_files(ROOT / "tracker_node")),
+        "house.modules": sum(file.name != "__init__.py" for file in files),
+        "house.lines": sum(len(file.read_text().splitlines()) for file in files),
         "house.largest_folder": n_files,
         "house.public_functions": len(functions),
         "house.documented_public": sum(map(is_documented, functions)) / len(functions),
@@ -72,17 +75,27 @@ def largest_folder(root: Path) -> tuple[Path, int]:
     return largest, folders.count(largest)
 
 
-def public_functions(file: Path) -> Iterator[Function]:
-    """Functions, and methods of public classes, without a leading underscore, of two or more arguments beside ``self``."""
-    yield from _public(ast.parse(file.read_text()).body, in_class=False)
+def public_functions(file: Path, inherited: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Function]:
+    """Functions, and methods of public classes, without a leading underscore, of two or more arguments beside ``self``.
+
+    Parameters
+    ----------
+    file : of Python.
+    inherited : (class, method) that a base class documents, which are left out.
+
+    Yields
+    ------
+    Nodes of the syntax tree.
+    """
+    yield from _public(ast.parse(file.read_text()).body, "", inherited)
 
 
-def _public(body: list[ast.stmt], in_class: bool) -> Iterator[Function]:
+def _public(body: list[ast.stmt], in_class: str, inherited: frozenset[tuple[str, str]]) -> Iterator[Function]:
     for node in body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            yield from _public(node.body, in_class=True)
-        elif isinstance(node, Function) and not node.name.startswith("_"):
-            bound = in_class and not any(ast.unparse(d) == "staticmethod" for d in node.decorator_list)
+            yield from _public(node.body, node.name, inherited)
+        elif isinstance(node, Function) and not node.name.startswith("_") and (in_class, node.name) not in inherited:
+            bound = bool(in_class) and not any(ast.unparse(d) == "staticmethod" for d in node.decorator_list)
             arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             if len(arguments) - bound + (node.args.vararg is not None) + (node.args.kwarg is not None) >= 2:
                 yield node

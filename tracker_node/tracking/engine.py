@@ -28,15 +28,18 @@ from .motion.model import ExposureDelays
 
 
 class Solver(Protocol):
-    """Finds the state of a body in the present images: stages of fits, and searches for what they do not reach."""
+    """Finds the state of a body in the present images: stages of fits, and searches for what they do not reach.
+
+    One that remembers nothing from fit to fit has `fit` alone.
+    """
 
     def reset(self) -> None:
         """Forget everything."""
-        ...
+        return
 
     def restart(self) -> bool:
         """A state is handed over; whether it is to be taken as it is, with what has been learned."""
-        ...
+        return False
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """The state that suits the images best.
@@ -45,7 +48,8 @@ class Solver(Protocol):
         ----------
         start : state to begin at.
         first : of a first image set: longer.
-        prior : in information units; solvers with other units leave it out.
+        prior : in information units; solvers with other units leave it out. None: the start, as ``motion.stay_position`` and
+            ``motion.stay_angle`` say.
 
         Returns
         -------
@@ -60,38 +64,19 @@ class Solver(Protocol):
         ----------
         fit, assessment : the last fit, and its assessment.
         """
-        ...
-
-
-class MemorylessSolver:
-    """What solvers have in common that remember nothing from fit to fit."""
-
-    def reset(self) -> None:
-        """Nothing is remembered from fit to fit."""
-
-    def restart(self) -> bool:
-        """Every start is fitted anew."""
-        return False
-
-    def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Nothing is remembered from fit to fit.
-
-        Parameters
-        ----------
-        fit, assessment : see `Solver.remember`.
-        """
+        return
 
 
 class Judge(Protocol):
-    """Assesses fits."""
+    """Assesses fits; one that remembers nothing from fit to fit has `assess` and `report` alone."""
 
     def reset(self) -> None:
         """Forget everything."""
-        ...
+        return
 
     def restart(self) -> None:
         """A state is handed over; its quality is unknown."""
-        ...
+        return
 
     def assess(self, fit: Any, image_set: ImageSet) -> Assessment:
         """Whether that is the body.
@@ -167,15 +152,119 @@ class Choice(Protocol):
         ...
 
 
-class Engine:
+class AnyEngine(Protocol):
     """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`.
+
+    Attributes
+    ----------
+    in_information_units : whether the normal equations of fits are those of minus twice a log posterior, so that a filter can use
+        them.
+    """
+
+    in_information_units: bool
+
+    @property
+    def surfaces(self) -> np.ndarray | None:
+        """(n_shapes, 4) meters: where the surface of each part is beside its shape; None where no modality follows that."""
+        return None
+
+    def reset(self) -> None:
+        """Forget everything learned."""
+
+    def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
+        """Learn what is needed from the first image set; what a tracked body has taught is kept.
+
+        Parameters
+        ----------
+        images : in which the body is near ``start``.
+        start : where the body is said to be.
+        known : the body is just there, as another tracker has found it, and nothing is fitted.
+        people : whom a detector has found, by camera; empty where none is used.
+
+        Returns
+        -------
+        A better start.
+        """
+        ...
+
+    def observe(
+        self, images: Images, expected: State | None, delays: ExposureDelays | None = None, people: PeopleSeen = ()
+    ) -> None:
+        """Take the images of a set.
+
+        Parameters
+        ----------
+        images : by camera.
+        expected : where the body is expected; None: not known, and nothing is compared.
+        delays : when each camera exposes; None: all at one time.
+        people : whom a detector has found, by camera; empty where none is used.
+        """
+
+    def find(self, people: PeopleSeen) -> State | None:
+        """Where the body begins, by what a detector has found; None where that says nothing."""
+        return None
+
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
+        """Fit the body as `Solver.fit` does.
+
+        Parameters
+        ----------
+        start : state to begin at.
+        first : of a first image set: longer.
+        prior : in information units; left out where fits have other units.
+
+        Returns
+        -------
+        The fit.
+        """
+        ...
+
+    def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
+        """Assess a fit as `Judge.assess` does.
+
+        Parameters
+        ----------
+        fit : of the images of ``image_set``.
+        image_set : its cameras.
+
+        Returns
+        -------
+        Status, and what goes with it.
+        """
+        ...
+
+    def report(self, fit: Fit, image_set: ImageSet) -> Report:
+        """Residuals and covariance of a fit.
+
+        Parameters
+        ----------
+        fit : of the images of ``image_set``.
+        image_set : has the stamps of the cameras.
+
+        Returns
+        -------
+        Of all cameras.
+        """
+        ...
+
+    def learn(self, images: Images, state: State) -> None:
+        """Learn what the body and its surroundings look like now.
+
+        Parameters
+        ----------
+        images : those last observed.
+        state : of the body in them.
+        """
+
+
+class Engine(AnyEngine):
+    """An engine of one solver and one judge.
 
     Parameters
     ----------
     modalities : the first one leads: it says how often is learned from a first image set.
     solver, judge : of the same modalities.
-    in_information_units : whether the normal equations of fits are those of minus twice a log posterior, so that a filter can use
-        them.
+    in_information_units : see `AnyEngine`.
     choice : says who the body is; None: no modality looks at people.
     """
 
@@ -189,11 +278,9 @@ class Engine:
 
     @property
     def surfaces(self) -> np.ndarray | None:
-        """(n_shapes, 4) meters: where the surface of each part is beside its shape; None where no modality follows that."""
         return next((modality.surfaces for modality in self.modalities if isinstance(modality, Clothed)), None)
 
     def reset(self) -> None:
-        """Forget everything learned."""
         for modality in self.modalities:
             modality.reset()
         self.judge.reset()
@@ -206,17 +293,6 @@ class Engine:
         """Learn what is needed from the first image set: learn, fit, and learn again, since the first pose given is rarely exact.
 
         What a tracked body has taught is kept.
-
-        Parameters
-        ----------
-        images : in which the body is near ``start``.
-        start : where the body is said to be.
-        known : the body is just there, as another tracker has found it, and nothing is fitted.
-        people : whom a detector has found, by camera; empty where none is used.
-
-        Returns
-        -------
-        A better start.
         """
         self.judge.restart()
         if self.solver.restart():
@@ -237,82 +313,28 @@ class Engine:
     def observe(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, people: PeopleSeen = ()
     ) -> None:
-        """Take the images of a set.
-
-        Parameters
-        ----------
-        images : by camera.
-        expected : where the body is expected; None: not known, and nothing is compared.
-        delays : when each camera exposes; None: all at one time.
-        people : whom a detector has found, by camera; empty where none is used.
-        """
         persons = () if self.choice is None or expected is None else self.choice.choose(people, expected)
         for modality in self.modalities:
             modality.set_images(images, expected, delays, persons)
 
     def find(self, people: PeopleSeen) -> State | None:
-        """Where the body begins, by what a detector has found; None where that says nothing.
-
-        Parameters
-        ----------
-        people : see `observe`.
-
-        Returns
-        -------
-        See `Choice.find`.
-        """
         return None if self.choice is None else self.choice.find(people)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Fit the body by the engine's solver.
-
-        Parameters
-        ----------
-        start, first, prior : see `Solver.fit`.
-
-        Returns
-        -------
-        The fit.
-        """
+        """Fit the body by the engine's solver."""
         return self.solver.fit(start, first, prior)
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """Assess a fit by the engine's judge; the solver remembers it.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.assess`.
-
-        Returns
-        -------
-        The judge's.
-        """
+        """Assess a fit by the engine's judge; the solver remembers it."""
         assessment = self.judge.assess(fit, image_set)
         self._weights = assessment.part_weights
         self.solver.remember(fit, assessment)
         return assessment
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Residuals and covariance of a fit.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.report`.
-
-        Returns
-        -------
-        The judge's.
-        """
         return self.judge.report(fit, image_set)
 
     def learn(self, images: Images, state: State) -> None:
-        """Learn what the body and its surroundings look like now.
-
-        Parameters
-        ----------
-        images : those last observed.
-        state : of the body in them.
-        """
         for modality in self.modalities:
             modality.learn(images, state, self._weights)
 
@@ -325,7 +347,7 @@ class InformationOf(Protocol):
         ...
 
 
-class SequentialEngine:
+class SequentialEngine(AnyEngine):
     """Two engines in one step: the first says where the body is, the second from there on how exactly.
 
     Status and covariance are those of the second; where the first does not find the body, the second begins where it is expected.
@@ -336,7 +358,6 @@ class SequentialEngine:
     """
 
     in_information_units = True
-    surfaces = None
 
     def __init__(self, first: Engine, second: Engine):
         self._first, self._second = first, second
@@ -346,60 +367,23 @@ class SequentialEngine:
         self._lost, self._jumped = True, False
 
     def reset(self) -> None:
-        """Both."""
         self._first.reset()
         self._second.reset()
 
     def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
-        """The second learns where the first has led.
-
-        Parameters
-        ----------
-        images, start, known, people : see `Engine.begin`.
-
-        Returns
-        -------
-        A better start.
-        """
+        """The second learns where the first has led."""
         start = self._first.begin(images, start, known=known)
         return self._second.begin(images, start, known=known)
 
     def observe(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, people: PeopleSeen = ()
     ) -> None:
-        """What the second sees depends on what the first has found, and is taken in `fit`.
-
-        Parameters
-        ----------
-        images, expected, delays, people : see `Engine.observe`; colors have no part in what a detector says.
-        """
+        """What the second sees depends on what the first has found, and is taken in `fit`."""
         self._images, self._delays, self._waiting = images, delays, expected is None
         self._first.observe(images, expected, delays)
 
-    def find(self, people: PeopleSeen) -> State | None:
-        """Colors do not look at people.
-
-        Parameters
-        ----------
-        people : see `Engine.observe`.
-
-        Returns
-        -------
-        None.
-        """
-        return None
-
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Fit by the first, then by the second.
-
-        Parameters
-        ----------
-        start, first, prior : see `Solver.fit`; the prior is for the second.
-
-        Returns
-        -------
-        That of the second, with the iterations and evaluations of both.
-        """
+        """Fit by the first, then by the second."""
         found = self._first.fit(start, first)
         assessment = None if self._waiting else self._first.assess(found, ImageSet(0, ()))
         self._lost = lost = assessment is None or assessment.status is Status.LOST
@@ -409,38 +393,14 @@ class SequentialEngine:
         return _counted(self._second.fit(begin, first, prior), found.iterations, found.evaluations)
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """Assess the fit of the second; the first knows whether the body was found far from where it was expected.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.assess`.
-
-        Returns
-        -------
-        That of the second, and whether the first has jumped.
-        """
+        """Assess the fit of the second; the first knows whether the body was found far from where it was expected."""
         return replace(self._second.assess(fit, image_set), jumped=self._jumped)
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Residuals and covariance of the second.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.report`.
-
-        Returns
-        -------
-        That of the second.
-        """
+        """Residuals and covariance of the second."""
         return self._second.report(fit, image_set)
 
     def learn(self, images: Images, state: State) -> None:
-        """Both learn.
-
-        Parameters
-        ----------
-        images, state : see `Engine.learn`.
-        """
         self._first.learn(images, state)
         self._second.learn(images, state)
 
@@ -465,16 +425,7 @@ class JointEngine(SequentialEngine):
         self._beside, self._chain, self._config = beside, chain, config
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Fit one after the other, then to the sum of both.
-
-        Parameters
-        ----------
-        start, first, prior : see `Solver.fit`.
-
-        Returns
-        -------
-        With the iterations and evaluations of all three.
-        """
+        """Fit one after the other, then to the sum of both."""
         fit = super().fit(start, first, prior)
         if self._lost:
             return fit
@@ -494,23 +445,11 @@ class JointEngine(SequentialEngine):
         return fit
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Residuals and covariance; where the second alone would have the body is left out: the state rests on both.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.report`.
-
-        Returns
-        -------
-        That of the second otherwise.
-        """
+        """Residuals and covariance; where the second alone would have the body is left out: the state rests on both."""
         report = super().report(fit, image_set)
         if self._lost or report.images is None:
             return report
         return replace(report, images=replace(report.images, gradient=None))
-
-
-AnyEngine = Engine | SequentialEngine
 
 
 def _counted(fit: Fit, iterations: int, evaluations: int) -> Fit:

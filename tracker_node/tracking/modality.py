@@ -35,7 +35,7 @@ class Modality(Protocol):
 
         ``known``: the body is exactly where it is said to be, and nothing is fitted.
         """
-        ...
+        return ()
 
     def learn_first(self, images: Images, state: State, lesson: Any) -> None:
         """Learn anew what body and background look like.
@@ -46,7 +46,7 @@ class Modality(Protocol):
         state : of the body.
         lesson : one of `lessons`.
         """
-        ...
+        return
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
@@ -85,7 +85,7 @@ class Modality(Protocol):
         state : of the body in them.
         weights : (n_shapes,) how far each part is where ``state`` says, 0 to 1; None: not known.
         """
-        ...
+        return
 
 
 def cameras_in_turn(images: Images, count: int, every: int, skipped: Sequence[bool] | None = None) -> list[np.ndarray | None]:

@@ -18,6 +18,7 @@ from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
 from ..config import ChamferConfig
+from ..engine import Judge
 from ..estimate import CameraReport, Status
 from .modality import ChamferModality
 
@@ -29,7 +30,7 @@ _FORGIVING = 0.002  # the same of a body that was lost, while it does not agree 
 _LEVEL_RATE = 0.1  # share of the newest image set in the agreement that is usual
 
 
-class ChamferJudge:
+class ChamferJudge(Judge):
     """Assesses fits of one body.
 
     Parameters
@@ -55,15 +56,6 @@ class ChamferJudge:
 
         The median camera decides (of an even number the better): half of the cameras may be covered before a body is called lost,
         and one that agrees by chance does not make it found.
-
-        Parameters
-        ----------
-        fit : of the images of ``image_set``.
-        image_set : its cameras.
-
-        Returns
-        -------
-        Of the whole body.
         """
         contours, config = fit.correspondences, self._config
         assert isinstance(contours, ContourCorrespondences)
@@ -102,15 +94,6 @@ class ChamferJudge:
 
         The covariance is the inverse of the normal equations, which hold ``chamfer.residual_sigma_px`` and
         ``chamfer.correlation``; larger where the residuals are.
-
-        Parameters
-        ----------
-        fit : of the images of ``image_set``.
-        image_set : has the stamps of the cameras.
-
-        Returns
-        -------
-        Residuals are robustly weighted.
         """
         contours, reports = fit.correspondences, []
         assert isinstance(contours, ContourCorrespondences)

@@ -23,8 +23,8 @@ from ...render.occluders import Occluders, Sight
 from ...render.shape_arrays import ShapeArrays
 from ..config import ChamferConfig, TrackerConfig
 from ..constraints import constraints_of, resting, staying
-from ..engine import MemorylessSolver
-from ..modality import Images, Persons, cameras_in_turn
+from ..engine import Solver
+from ..modality import Images, Modality, Persons, cameras_in_turn
 from ..motion.model import ExposureDelays
 
 COARSE, FINE = "coarse", "fine"
@@ -34,7 +34,7 @@ _FIRST_MARGIN = 3  # times the usual margin around a first pose that is only rou
 _LEAST_REGION_PX = 8  # a body of which less is in view is not searched
 
 
-class ChamferModality:
+class ChamferModality(Modality):
     """The `Modality` of contours.
 
     Parameters
@@ -82,12 +82,7 @@ class ChamferModality:
         return (margin,) if known else (_FIRST_MARGIN * margin, margin)
 
     def learn_first(self, images: Images, state: State, lesson: int) -> None:
-        """Learn the appearance of body and background anew.
-
-        Parameters
-        ----------
-        images, state, lesson : see `Modality.learn_first`.
-        """
+        """Learn the appearance of body and background anew."""
         self._delays = None
         sights = self._look(state, images)
 
@@ -101,12 +96,7 @@ class ChamferModality:
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
-        """Silhouettes, edges and their distances around the expected body.
-
-        Parameters
-        ----------
-        images, expected, delays, persons : see `Modality.set_images`.
-        """
+        """Silhouettes, edges and their distances around the expected body."""
         self._delays = delays
         self.observations = [None] * len(self._rig)
         if expected is None:
@@ -121,16 +111,7 @@ class ChamferModality:
         self._body.parallel(observe, _seen(images, sights))
 
     def correspond(self, state: State, detail: str) -> ContourCorrespondences:
-        """Distances of the contours that are seen in a state; they hold for other states too.
-
-        Parameters
-        ----------
-        state, detail : see `Modality.correspond`.
-
-        Returns
-        -------
-        The samples with the evidence of each camera.
-        """
+        """Distances of the contours that are seen in a state; they hold for other states too."""
         maps = [
             None if o is None or o.empty else EvidenceMaps(o.region[:2], o.silhouette_distance, o.edge_distance, o.boundary)
             for o in self.observations
@@ -138,12 +119,7 @@ class ChamferModality:
         return ContourCorrespondences(self._body, maps, self._options[detail], state, self._offsets(state))
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Appearances change slowly: in each image set some of the cameras learn.
-
-        Parameters
-        ----------
-        images, state, weights : see `Modality.learn`; the weights have no part.
-        """
+        """Appearances change slowly: in each image set some of the cameras learn."""
         turn = cameras_in_turn(images, self._count, self._config.chamfer.learn_every)
         self._count += 1
         if not any(self._observers[i].learns for i, image in enumerate(turn) if image is not None):
@@ -207,7 +183,7 @@ def _uncovered(observation: Observation, mask: np.ndarray | None) -> Observation
     return replace(observation, silhouette_distance=to_silhouette, edge_distance=to_edge, boundary=boundary)
 
 
-class ChamferFitting(MemorylessSolver):
+class ChamferFitting(Solver):
     """How bodies are fitted to the contours of a `ChamferModality`.
 
     Parameters
@@ -221,18 +197,7 @@ class ChamferFitting(MemorylessSolver):
         self._fitter, self._rest = Fitter(model, constraints_of(model, config)), resting(model, config.motion)
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
-        """Coarse iterations, then fine ones.
-
-        Parameters
-        ----------
-        start : state to begin at.
-        first : of a first image set, with more iterations.
-        prior : in information units; None: the start, as `motion.stay_position` and `motion.stay_angle` say.
-
-        Returns
-        -------
-        The fit.
-        """
+        """Coarse iterations, then fine ones."""
         chamfer, motion = self._config.chamfer, self._config.motion
         total = chamfer.first_iterations if first else chamfer.max_iterations
         n_coarse = min(total // 2 if first else chamfer.coarse_iterations, total - 1)

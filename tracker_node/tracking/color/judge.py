@@ -12,6 +12,7 @@ from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
 from ..config import ColorOverBackgroundConfig
+from ..engine import Judge
 from ..estimate import CameraReport, Status
 from .agreement import ColorAgreement
 from .modality import ColorModality
@@ -19,7 +20,7 @@ from .modality import ColorModality
 _NOISE = 0.1  # agreement that a body has anywhere
 
 
-class ColorJudge:
+class ColorJudge(Judge):
     """Assesses fits of one body; the median camera decides, and cameras and parts that do not agree are named.
 
     Parameters
@@ -31,36 +32,12 @@ class ColorJudge:
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: ColorOverBackgroundConfig, modality: ColorModality):
         self._rig, self._model, self._config, self._modality = rig, model, config, modality
 
-    def reset(self) -> None:
-        """Nothing is remembered from fit to fit."""
-
-    def restart(self) -> None:
-        """Nothing is remembered from fit to fit."""
-
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """Assess the whole body.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.assess`.
-
-        Returns
-        -------
-        Status by the agreement of colors.
-        """
+        """Assess the whole body."""
         return assess_colors(self._modality.agreement(fit.state), self._model, self._rig, image_set.cameras, self._config)
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Residuals in gray levels, samples in pixels of the mask.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.report`.
-
-        Returns
-        -------
-        The covariance is the inverse of the normal equations times the variance of a pixel.
-        """
+        """Residuals in gray levels, samples in pixels of the mask."""
         agreement, reports = self._modality.agreement(fit.state), []
         for i, camera in enumerate(self._rig):
             image = image_set.get(camera.name)

@@ -21,7 +21,7 @@ from ...objective.normal_equations import LeastSquaresObjective
 from ...objective.points.photometry import PhotometryOptions, SurfaceCorrespondences, SurfacePhotometry
 from ...render.raycast.raycaster import render_color, render_labels
 from ..config import ColorOverBackgroundConfig
-from ..modality import Images, Persons
+from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 from .agreement import ColorAgreement, agreement_of
 
@@ -50,7 +50,7 @@ class ColorScores(Protocol):
         ...
 
 
-class ColorModality:
+class ColorModality(Modality):
     """The `Modality` of colored parts.
 
     Parameters
@@ -104,24 +104,14 @@ class ColorModality:
         return (1.0,) if known else (1.0, 1.0)
 
     def learn_first(self, images: Images, state: State, lesson: float) -> None:
-        """Learn the colors of all parts.
-
-        Parameters
-        ----------
-        images, state, lesson : see `Modality.learn_first`.
-        """
+        """Learn the colors of all parts."""
         self._learned = True
         self._learn(images, state, lesson)
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
-        """Blur and halve the images around the expected body.
-
-        Parameters
-        ----------
-        images, expected, delays, persons : see `Modality.set_images`; the last two have no part.
-        """
+        """Blur and halve the images around the expected body."""
         self._images = [None] * len(self._rig) if expected is None else images
         self._agreement = None
         around = State.neutral(self._model) if expected is None else expected
@@ -130,16 +120,7 @@ class ColorModality:
             self._scores.set_images(self._images, expected)
 
     def correspond(self, state: State, detail: int) -> SurfaceCorrespondences:
-        """Points of the surface that is seen in a state.
-
-        Parameters
-        ----------
-        state, detail : see `Modality.correspond`; the level of the pyramid, 0 the finest.
-
-        Returns
-        -------
-        Points with the colors that they should have.
-        """
+        """Points of the surface that is seen in a state."""
         return self._photometry.correspond(state, detail)
 
     def agreement(self, state: State) -> ColorAgreement:
@@ -158,12 +139,7 @@ class ColorModality:
         return self.correspond(state, 0), 1.0 / self.variance(state)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Colors follow slowly, where ``color_rate`` is positive.
-
-        Parameters
-        ----------
-        images, state, weights : see `Modality.learn`; the weights have no part.
-        """
+        """Colors follow slowly, where ``color_rate`` is positive."""
         if self._config.color_rate > 0.0:
             self._learn(images, state, self._config.color_rate)
 

@@ -31,8 +31,8 @@ from ..limbs.tree import Limb, stages_of
 from ..modality import Images
 from ..poses import Poses, PoseSearch
 from .judge import ColorJudge
-from .modality import ColorModality
-from .search import walked
+from .modality import ColorModality, ColorScores
+from .search import ColorSearch, walked
 
 _LONGEST_PX = 480  # images are shrunk to this, which is enough for parts of one color
 _MARGIN_PX = 15  # around the expected body, of those images
@@ -43,7 +43,7 @@ _LOST_SHARE, _DEGRADED_SHARE = 0.2, 0.3  # of what is to be explained around the
 _SQUARED_LEVELS = 3e7  # of the other color scores, that a share of one is worth to the priors
 
 
-class BackgroundScores:
+class BackgroundScores(ColorScores):
     """Shrunk cameras, backgrounds and images, and the score on them (`ColorScores`).
 
     Parameters
@@ -82,21 +82,11 @@ class BackgroundScores:
         ]
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
-        """Take the colors of all parts.
-
-        Parameters
-        ----------
-        learned, rgb : see `ColorScores.set_colors`.
-        """
+        """Take the colors of all parts."""
         self.objective.set_colors(rgb)
 
     def set_images(self, images: Images, expected: State | None) -> None:
-        """Take the images of a set, and what there is to explain: the surroundings of the expected body.
-
-        Parameters
-        ----------
-        images, expected : see `ColorScores.set_images`.
-        """
+        """Take the images of a set, and what there is to explain: the surroundings of the expected body."""
         self.objective.set_images(self._shrunk(images))
         if expected is not None:
             configuration = Configuration(self._model, expected)
@@ -115,16 +105,7 @@ class BackgroundJudge(ColorJudge):
         self._scores = scores
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """Status by colors, and by how much of the difference to the backgrounds the body explains.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.assess`.
-
-        Returns
-        -------
-        The worse of both.
-        """
+        """Status by colors, and by how much of the difference to the backgrounds the body explains."""
         shares = 1.0 - self._scores.objective.evaluate(fit.state).camera_scores
         seen = shares[np.isfinite(shares)]
         median = float(np.median(seen)) if len(seen) else 0.0
@@ -155,7 +136,7 @@ class _WithPriors:
         return _WithPriors(self._objective.at_row_step(row_step), self._priors)
 
 
-class BackgroundSearch:
+class BackgroundSearch(ColorSearch):
     """Downhill stepping on the score, part by part and then all together (`ColorSearch`)."""
 
     def __init__(
@@ -165,16 +146,7 @@ class BackgroundSearch:
         self._parts = stages_of(model.chain)
 
     def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
-        """Where no camera shows the body, it stays.
-
-        Parameters
-        ----------
-        start, priors, first : see `ColorSearch.run`.
-
-        Returns
-        -------
-        The fit.
-        """
+        """Where no camera shows the body, it stays."""
         score, chain, state, evaluations, converged = _WithPriors(self._objective, priors), self._model.chain, start, 0, False
         walks = [(part.variables, _FIRST_STAGE if first else _STAGE) for part in self._parts]
         for variables, options in [*walks, (None, _POLISH)]:
@@ -183,16 +155,7 @@ class BackgroundSearch:
         return walked(self._modality, state, priors, len(walks) + 1, evaluations, converged)
 
     def find_limb(self, limb: Limb, around: State, rng: np.random.Generator) -> State:
-        """The best of many random places of a limb, walked downhill from.
-
-        Parameters
-        ----------
-        limb, around, rng : see `ColorSearch.find_limb`.
-
-        Returns
-        -------
-        The state with the limb there.
-        """
+        """The best of many random places of a limb, walked downhill from."""
         chain, spread = self._model.chain, np.deg2rad(self._config.search_angle_deg)
         turns = rng.uniform(-2.0 * spread, 2.0 * spread, (self._config.search_states // 4, int(limb.dofs.sum())))
         tangents = np.zeros((1 + len(turns), chain.n_dof))

@@ -21,11 +21,11 @@ from ...parallel import Workers
 from ..config import ColorConfig
 from ..limbs.tree import Limb
 from ..modality import Images
-from .modality import ColorModality
-from .search import AlignmentSearch, ended
+from .modality import ColorModality, ColorScores
+from .search import AlignmentSearch, ColorSearch, ended
 
 
-class RigidScores:
+class RigidScores(ColorScores):
     """What compares the colors of a rigid body over its mask: a score, and least squares on a pyramid (`ColorScores`)."""
 
     def __init__(self, model: ArticulatedModel, rig: CameraRig, config: ColorConfig, workers: Workers):
@@ -35,28 +35,18 @@ class RigidScores:
         self.blind = True
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
-        """Take the learned colors.
-
-        Parameters
-        ----------
-        learned, rgb : see `ColorScores.set_colors`.
-        """
+        """Take the learned colors."""
         self.score.set_colors(learned)
         self.pyramid.set_colors(learned)
 
     def set_images(self, images: Images, expected: State | None) -> None:
-        """Take the images of a set.
-
-        Parameters
-        ----------
-        images, expected : see `ColorScores.set_images`.
-        """
+        """Take the images of a set."""
         self.blind = all(image is None for image in images)
         self.score.set_images(images)
         self.pyramid.set_images(images)
 
 
-class RigidSearch:
+class RigidSearch(ColorSearch):
     """The `ColorSearch` of a body without joints; it has no parts to hide behind others, and no angles that nobody sees."""
 
     def __init__(self, model: ArticulatedModel, config: ColorConfig, modality: ColorModality, scores: RigidScores):
@@ -67,14 +57,6 @@ class RigidSearch:
         """Align, and search where the score is too near to chance.
 
         Of ``color.search_states`` a quarter is tried a round: there are several.
-
-        Parameters
-        ----------
-        start, priors, first : see `ColorSearch.run`; priors are for joints, and have no part.
-
-        Returns
-        -------
-        The fit.
         """
         config, chain, scores = self._config, self._model.chain, self._scores
         if scores.blind:
@@ -90,14 +72,5 @@ class RigidSearch:
         return ended(result, scores.pyramid.at_level(0))
 
     def find_limb(self, limb: Limb, around: State, rng: np.random.Generator) -> State:
-        """There is none.
-
-        Parameters
-        ----------
-        limb, around, rng : see `ColorSearch.find_limb`.
-
-        Returns
-        -------
-        ``around``.
-        """
+        """There is none."""
         return around

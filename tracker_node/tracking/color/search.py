@@ -21,11 +21,11 @@ from ...optimize.score_objective import SearchResult
 from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...optimize.stepping import SCHEDULES, SteppingOptions, schedule, step_downhill
 from ..config import ColorConfig, ColorOverBackgroundConfig
-from ..engine import MemorylessSolver
+from ..engine import Solver
 from ..limbs.tree import Limb, limbs_of, stages_of
 from ..modality import Images
 from ..poses import Poses, PoseSearch, Round
-from .modality import ColorModality
+from .modality import ColorModality, ColorScores
 
 _TOLERANCE = 1e-3
 _TRACKING = schedule((20, 10, 5), (4, 2, 1))
@@ -70,7 +70,7 @@ class ColorSearch(Protocol):
         ...
 
 
-class ColorSolver(MemorylessSolver):
+class ColorSolver(Solver):
     """A search, and once more where limbs that have been lost are found again (`Solver`).
 
     Parameters
@@ -92,16 +92,7 @@ class ColorSolver(MemorylessSolver):
         self._rng = np.random.default_rng(self._config.seed)
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
-        """From coarse to fine, then limbs that do not agree.
-
-        Parameters
-        ----------
-        start, first, prior : see `Solver.fit`; the prior is in other units, and left out.
-
-        Returns
-        -------
-        The fit.
-        """
+        """From coarse to fine, then limbs that do not agree."""
         fit = self._search.run(start, self._priors(start), first)
         for limb in self._limbs:
             if self._agreement(fit, limb) < self._config.degraded_agreement and self._config.search_states:
@@ -130,7 +121,7 @@ class ColorSolver(MemorylessSolver):
         return replace(again, iterations=fit.iterations + again.iterations, evaluations=fit.evaluations + again.evaluations)
 
 
-class AlignmentSearch:
+class AlignmentSearch(ColorSearch):
     """Levenberg-Marquardt on surface points: part by part where that is asked for, then all variables level by level."""
 
     def __init__(self, model: ArticulatedModel, config: ColorConfig, modality: ColorModality):
@@ -138,16 +129,7 @@ class AlignmentSearch:
         self._parts = stages_of(model.chain) if config.hierarchical else ()
 
     def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
-        """Align from coarse to fine, on the coarsest level part by part.
-
-        Parameters
-        ----------
-        start, priors, first : see `ColorSearch.run`.
-
-        Returns
-        -------
-        The fit.
-        """
+        """Align from coarse to fine, on the coarsest level part by part."""
         config = self._config
         passes, coarsest = config.first_passes if first else config.passes, config.levels - 1
         options = LevenbergMarquardtOptions(max_iterations=config.iterations, tolerance=_TOLERANCE)
@@ -163,14 +145,6 @@ class AlignmentSearch:
 
         For each link in turn random angles, from the few best places of what carries it; only the links placed so far are scored.
         The best of the whole limb are aligned.
-
-        Parameters
-        ----------
-        limb, around, rng : see `ColorSearch.find_limb`.
-
-        Returns
-        -------
-        The state with the limb in its best place.
         """
         config, chain = self._config, self._model.chain
         points = self._modality.correspond(around, min(_SEARCH_LEVEL, config.levels - 1))
@@ -209,28 +183,18 @@ class _Held:
         return self.correspondences
 
 
-class MaskScores:
+class MaskScores(ColorScores):
     """The score of the mask (`ColorScores`)."""
 
     def __init__(self, score: ColorObjective):
         self.score = score
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
-        """Take the learned colors.
-
-        Parameters
-        ----------
-        learned, rgb : see `ColorScores.set_colors`.
-        """
+        """Take the learned colors."""
         self.score.set_colors(learned)
 
     def set_images(self, images: Images, expected: State | None) -> None:
-        """Take the images of a set.
-
-        Parameters
-        ----------
-        images, expected : see `ColorScores.set_images`.
-        """
+        """Take the images of a set."""
         self.score.set_images(images)
 
 
@@ -245,14 +209,6 @@ class ScoreSearch(AlignmentSearch):
         """Walk downhill part by part, then all together.
 
         The hierarchy needs no polish of its own for the root's variables: the last walk moves them all.
-
-        Parameters
-        ----------
-        start, priors, first : see `ColorSearch.run`.
-
-        Returns
-        -------
-        The fit.
         """
         walks: list[tuple[list[int] | None, bool]] = [(part.variables, False) for part in self._parts] or [(None, False)]
         walks += [(None, True)] if self._parts else []

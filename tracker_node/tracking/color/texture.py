@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +19,9 @@ from ...optimize.robust_start import RobustStartOptions
 from ...parallel import Workers
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
 from ..config import TextureConfig
+from ..engine import Judge, Solver
 from ..estimate import CameraReport, Status
-from ..modality import Images, Persons
+from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 from .search import ended
 
@@ -29,7 +29,7 @@ _TRIED, _ALIGNED = 3, 40  # times the states of a round, all in one round; so ma
 _WIDEN, _WIDEST = 0.5, 2.0  # the search grows by this share with every set that it fails in, up to so many times
 
 
-class TextureModality:
+class TextureModality(Modality):
     """The `Modality` of textured boxes: nothing is learned, brightness is found anew in every image.
 
     Parameters
@@ -51,41 +51,15 @@ class TextureModality:
         """Nothing is learned."""
         self._score = None
 
-    def lessons(self, known: bool) -> Sequence[None]:
-        """Textures are known beforehand."""
-        return ()
-
-    def learn_first(self, images: Images, state: State, lesson: None) -> None:
-        """Textures are known beforehand.
-
-        Parameters
-        ----------
-        images, state, lesson : see `Modality.learn_first`; they have no part.
-        """
-
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
-        """Halve the images again and again.
-
-        Parameters
-        ----------
-        images, expected, delays, persons : see `Modality.set_images`; the last two have no part.
-        """
+        """Halve the images again and again."""
         self._score = None
         self.objective.set_images([None] * self._n_cameras if expected is None else images)
 
     def correspond(self, state: State, detail: int) -> TextureLevel:
-        """Points of the textures that are seen in a state.
-
-        Parameters
-        ----------
-        state, detail : see `Modality.correspond`; the level of the pyramid, 0 the finest.
-
-        Returns
-        -------
-        The level, on which it has been decided what is seen.
-        """
+        """Points of the textures that are seen in a state."""
         level = self.objective.at_level(detail)
         level.linearize(state)
         return level
@@ -96,16 +70,7 @@ class TextureModality:
             self._score = state, self.objective.evaluate(state)
         return self._score[1]
 
-    def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Textures do not change.
-
-        Parameters
-        ----------
-        images, state, weights : see `Modality.learn`; they have no part.
-        """
-
-
-class TextureSolver:
+class TextureSolver(Solver):
     """Alignment from coarse to fine, and a search where that has not led to the body (`Solver`).
 
     Parameters
@@ -124,30 +89,12 @@ class TextureSolver:
         """The width of the search begins anew."""
         self._lost = 0  # image sets in a row
 
-    def restart(self) -> bool:
-        """Every start is fitted anew."""
-        return False
-
     def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """The longer the body is lost, the wider it is searched.
-
-        Parameters
-        ----------
-        fit, assessment : see `Solver.remember`.
-        """
+        """The longer the body is lost, the wider it is searched."""
         self._lost = self._lost + 1 if assessment.status is Status.LOST else 0
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
-        """Align; where the images do not agree, search.
-
-        Parameters
-        ----------
-        start, first, prior : see `Solver.fit`; the prior is in other units, and left out.
-
-        Returns
-        -------
-        The fit.
-        """
+        """Align; where the images do not agree, search."""
         objective, config = self._modality.objective, self._config
         fit = ended(align(objective, start, self._chain, self._alignment), objective.at_level(0))
         score = self._modality.score(fit.state)
@@ -169,7 +116,7 @@ class TextureSolver:
         return replace(better, evaluations=fit.evaluations + found.evaluations, jumped=True)
 
 
-class TextureJudge:
+class TextureJudge(Judge):
     """By the share of the textures' contrast that the images show, in the median camera (`Judge`).
 
     Parameters
@@ -182,23 +129,8 @@ class TextureJudge:
     def __init__(self, rig: CameraRig, config: TextureConfig, modality: TextureModality):
         self._rig, self._config, self._modality = rig, config, modality
 
-    def reset(self) -> None:
-        """Nothing is remembered from fit to fit."""
-
-    def restart(self) -> None:
-        """Nothing is remembered from fit to fit."""
-
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """Status by the contrast of the textures that the images show.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.assess`.
-
-        Returns
-        -------
-        Of the whole body.
-        """
+        """Status by the contrast of the textures that the images show."""
         score, config = self._modality.score(fit.state), self._config
         if not np.isfinite(score.score):
             return Assessment(Status.LOST, "no camera sees a texture of the body where it is expected", noise=True)
@@ -220,16 +152,7 @@ class TextureJudge:
         )  # fmt: skip
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Residuals in gray levels of the textures.
-
-        Parameters
-        ----------
-        fit, image_set : see `Judge.report`.
-
-        Returns
-        -------
-        Of all cameras.
-        """
+        """Residuals in gray levels of the textures."""
         score, equations, config, reports = self._modality.score(fit.state), fit.equations, self._config, []
         for i, camera in enumerate(self._rig):
             image, points = image_set.get(camera.name), int(score.camera_points[i])

@@ -7,6 +7,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.configuration import State
 from ...observation.keypoints.people import Person
+from ..engine import Choice
 from ..modality import PeopleSeen, Persons
 from .modality import KeypointModality
 from .people_groups import mirrored
@@ -19,7 +20,7 @@ _SWAP_PRIOR = -2.0  # log odds of a swap before anything has been seen, a person
 _SWAP_KEPT = 0.7  # share of a camera's log odds of a swap that is kept from set to set
 
 
-class PersonChoice:
+class PersonChoice(Choice):
     """Compares everybody in each camera with where the body is expected, as found and with left and right exchanged.
 
     Parameters
@@ -38,31 +39,12 @@ class PersonChoice:
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
 
     def find(self, people: PeopleSeen) -> State | None:
-        """Where the body begins.
-
-        Parameters
-        ----------
-        people : whom a detector has found, by camera.
-
-        Returns
-        -------
-        See `PointStart.find`.
-        """
+        """Where the body begins."""
         self.reset()
         return self._start.find(people)
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
-        """The body in each camera.
-
-        Parameters
-        ----------
-        people : whom a detector has found, by camera.
-        expected : where the body is expected.
-
-        Returns
-        -------
-        By camera, left and right exchanged where the detector has exchanged them; None where nobody is the body.
-        """
+        """The body in each camera."""
         if not people:
             return ()
         places = self._modality.places(expected)

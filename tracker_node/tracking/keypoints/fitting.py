@@ -9,7 +9,7 @@ from ...optimize.fitter import Fit, Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
 from ..config import TrackerConfig
 from ..constraints import constraints_of, resting, staying
-from ..engine import MemorylessSolver
+from ..engine import Solver
 from .modality import KeypointModality
 
 # Factors of what the points say: the first reach bodies that are far off, and what is no outlier is told at the end
@@ -17,7 +17,7 @@ _FIRST, _LATER = (0.003, 0.03, 0.3, 1.0), (0.1, 1.0)
 _FIRST_ITERATIONS, _ITERATIONS = 30, 8
 
 
-class KeypointFitting(MemorylessSolver):
+class KeypointFitting(Solver):
     """How bodies are fitted to the points of a `KeypointModality`.
 
     Parameters
@@ -31,18 +31,7 @@ class KeypointFitting(MemorylessSolver):
         self._fitter, self._rest = Fitter(model, constraints_of(model, config)), resting(model, config.motion)
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
-        """Blunt points, then sharp ones.
-
-        Parameters
-        ----------
-        start : state to begin at.
-        first : of a first image set, from farther away.
-        prior : in information units; None: the start, as `motion.stay_position` and `motion.stay_angle` say.
-
-        Returns
-        -------
-        The fit.
-        """
+        """Blunt points, then sharp ones."""
         sharpness = _FIRST if first else _LATER
         options = LevenbergMarquardtOptions(_FIRST_ITERATIONS if first else _ITERATIONS)
         stages = [Stage(each, options, compares=each == sharpness[-1]) for each in sharpness]

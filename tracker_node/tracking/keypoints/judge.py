@@ -9,13 +9,14 @@ from ...objective.keypoints.correspondences import KeypointCorrespondences, Poin
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
 from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
+from ..engine import Judge
 from ..estimate import CameraReport, Status
 
 _LEAST_POINTS = 6  # of all cameras, for a body to be seen at all
 _LOST, _DEGRADED = 0.3, 0.6  # shares of the points that are no outliers
 
 
-class KeypointJudge:
+class KeypointJudge(Judge):
     """Assesses fits of one body.
 
     Parameters
@@ -26,24 +27,8 @@ class KeypointJudge:
     def __init__(self, rig: CameraRig):
         self._rig = rig
 
-    def reset(self) -> None:
-        """Nothing is remembered."""
-
-    def restart(self) -> None:
-        """Nothing is remembered."""
-
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """By the share of points that are where the fit has them.
-
-        Parameters
-        ----------
-        fit : of the images of ``image_set``.
-        image_set : its cameras.
-
-        Returns
-        -------
-        Of the whole body.
-        """
+        """By the share of points that are where the fit has them."""
         points = _points(fit)
         seen = points.weights >= 0.0
         if seen.sum() < _LEAST_POINTS:
@@ -62,17 +47,7 @@ class KeypointJudge:
         )  # fmt: skip
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Distances of points, pixels, and the covariance.
-
-        Parameters
-        ----------
-        fit : of the images of ``image_set``.
-        image_set : has the stamps of the cameras.
-
-        Returns
-        -------
-        Residuals of points that are no outliers.
-        """
+        """Distances of points, pixels, and the covariance."""
         correspondences, points = fit.correspondences, _points(fit)
         assert isinstance(correspondences, KeypointCorrespondences)
         squares, weights = correspondences.squares_px(fit.state), np.maximum(points.weights, 0.0)

@@ -13,7 +13,7 @@ from ...model.humans.keypoints import KeypointTable, relative_size
 from ...objective.keypoints.correspondences import BodyPoints, KeypointCorrespondences, ObservedPoints, packed_cameras
 from ...objective.keypoints.kernels import N_COLUMNS
 from ..config import KeypointConfig
-from ..modality import Images, Persons
+from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 from .offsets import PointOffsets
 
@@ -41,7 +41,7 @@ def points_of(model: ArticulatedModel, table: KeypointTable, offset_scale: float
     return names, BodyPoints(model, model.landmark_links[rows], model.landmark_positions[rows], means, covariances)
 
 
-class KeypointModality:
+class KeypointModality(Modality):
     """The `Modality` of detected points.
 
     Parameters
@@ -72,22 +72,12 @@ class KeypointModality:
         return ()
 
     def learn_first(self, images: Images, state: State, lesson: None) -> None:
-        """Nothing is learned from a first image set before the body is fitted.
-
-        Parameters
-        ----------
-        images, state, lesson : see `Modality.learn_first`.
-        """
+        """Nothing is learned from a first image set before the body is fitted."""
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
-        """Take the points of the body in each camera.
-
-        Parameters
-        ----------
-        images, expected, delays, persons : see `Modality.set_images`.
-        """
+        """Take the points of the body in each camera."""
         self._observed = None
         if expected is not None and any(person is not None for person in persons):
             observed = self._of(persons)
@@ -132,29 +122,14 @@ class KeypointModality:
         return self._observed is not None
 
     def correspond(self, state: State, sharpness: float) -> KeypointCorrespondences:
-        """The points of the present set.
-
-        Parameters
-        ----------
-        state : does not matter: a point is compared whether it is hidden or not.
-        sharpness : factor of what they say.
-
-        Returns
-        -------
-        Without points where there are none.
-        """
+        """The points of the present set, whatever the state; ``sharpness`` is a factor of what they say."""
         observed = self._observed
         if observed is None:
             observed = np.zeros((len(self.names), len(self._rig), N_COLUMNS))
         return KeypointCorrespondences(self.offsets.body, self._cameras, observed, sharpness)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Follow the offsets of the points on parts that are where the state says.
-
-        Parameters
-        ----------
-        images, state, weights : see `Modality.learn`.
-        """
+        """Follow the offsets of the points on parts that are where the state says."""
         if self._observed is not None:
             trusted = np.ones(len(self.names), dtype=np.bool_)
             if weights is not None:

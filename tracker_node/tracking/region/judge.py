@@ -12,6 +12,7 @@ from ...objective.lines.correspondences import PartEvidence
 from ...observation.image_set import ImageSet
 from ..assessment import Assessment, Report, assess_cameras
 from ..config import TrackerConfig
+from ..engine import Judge
 from ..estimate import CameraReport, Status
 from ..keypoints.evidence import lost_odds
 from ..limbs.judge import LimbJudge, body_status, is_noise
@@ -25,7 +26,7 @@ _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that 
 _FOUND_LESS = 0.5  # times what is usual of the cameras: one that finds less of the outline does not agree
 
 
-class RegionJudge:
+class RegionJudge(Judge):
     """Assesses fits of one body.
 
     Parameters
@@ -54,17 +55,7 @@ class RegionJudge:
         self.limbs.restart()
 
     def assess(self, fit: LineFit, image_set: ImageSet) -> Assessment:
-        """Limb by limb, then by cameras.
-
-        Parameters
-        ----------
-        fit : of the images of ``image_set``.
-        image_set : its cameras.
-
-        Returns
-        -------
-        With limbs and weights.
-        """
+        """Limb by limb, then by cameras."""
         evidence = self._fitting.region.part_evidence(fit.correspondences, fit.state, self._inlier_px)
         if not evidence.expected.any():
             reason = "no camera sees the body where it is expected"
@@ -105,17 +96,7 @@ class RegionJudge:
         return self._known[1:]
 
     def report(self, fit: LineFit, image_set: ImageSet) -> Report:
-        """Residuals of the lines, pixels, and the covariance.
-
-        Parameters
-        ----------
-        fit : of the images of ``image_set``.
-        image_set : has the stamps of the cameras.
-
-        Returns
-        -------
-        With what the images say alone.
-        """
+        """Residuals of the lines, pixels, and the covariance."""
         reports, squares, weight, lines = [], 0.0, 0.0, fit.correspondences.at(fit.state)
         for i, camera in enumerate(self._rig):
             image, stats = image_set.get(camera.name), lines.stats(i)

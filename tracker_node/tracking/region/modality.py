@@ -17,7 +17,7 @@ from ...objective.per_camera import camera_constants
 from ...render.occluders import Occluders
 from ...render.shape_arrays import ShapeArrays
 from ..config import KEYPOINTS, TrackerConfig
-from ..modality import Images, Persons, cameras_in_turn
+from ..modality import Images, Modality, Persons, cameras_in_turn
 from ..motion.model import ExposureDelays
 from .appearance import RegionAppearance
 from .surface import SurfaceFilter
@@ -48,7 +48,7 @@ def line_options(config: TrackerConfig) -> LineOptions:
     )
 
 
-class RegionModality:
+class RegionModality(Modality):
     """The `Modality` of regions.
 
     Parameters
@@ -108,12 +108,7 @@ class RegionModality:
         return (margin,) if known else (4 * margin, 2 * margin, margin)
 
     def learn_first(self, images: Images, state: State, lesson: int) -> None:
-        """Learn the colors of body and surroundings anew.
-
-        Parameters
-        ----------
-        images, state, lesson : see `Modality.learn_first`.
-        """
+        """Learn the colors of body and surroundings anew."""
         self._delays = None
         self.appearance.forget_colors()
         self.appearance.learn(images, state, self._offsets(state), 1.0, lesson, None)
@@ -122,26 +117,12 @@ class RegionModality:
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
-        """Keep the images: lines are drawn where the fit needs them.
-
-        Parameters
-        ----------
-        images, expected, delays, persons : see `Modality.set_images`.
-        """
+        """Keep the images: lines are drawn where the fit needs them."""
         self._delays, self._latest = delays, None
         self.views = [None] * len(images) if expected is None else self.appearance.views(images, persons)
 
     def correspond(self, state: State, detail: LineDetail) -> LineCorrespondences:
-        """Lines of the contours that are seen in a state.
-
-        Parameters
-        ----------
-        state, detail : see `Modality.correspond`.
-
-        Returns
-        -------
-        The lines of all cameras.
-        """
+        """Lines of the contours that are seen in a state."""
         surfaces = None if self._surfaces is None else self._surfaces.surfaces
         self._latest = self._drawer.draw(self.views, state, detail.scale, detail.model_sigma_px, self._offsets(state), surfaces)
         return self._latest
@@ -158,12 +139,7 @@ class RegionModality:
             self._surfaces.update(sums, trusted)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
-        """Colors change slowly: in each image set some of the cameras learn. A camera that has joined learns all at once.
-
-        Parameters
-        ----------
-        images, state, weights : see `Modality.learn`.
-        """
+        """Colors change slowly: in each image set some of the cameras learn. A camera that has joined learns all at once."""
         region, known, offsets = self._config, self.appearance.known, self._offsets(state)
         self._learn_surfaces(state, weights)
         joined = [None if knows else image for image, knows in zip(images, known, strict=True)]

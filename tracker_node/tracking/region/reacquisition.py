@@ -18,6 +18,7 @@ from ...objective.lines.correspondences import PartEvidence
 from ...optimize.fitter import Fit
 from ..assessment import Assessment
 from ..config import TrackerConfig
+from ..engine import Solver
 from ..estimate import Status
 from ..keypoints.fitting import KeypointFitting
 from ..limbs.judge import LimbJudge
@@ -52,7 +53,7 @@ class _ImagesOfSet:
         return PartPose(fit.state, self.fitting.region.part_evidence(fit.correspondences, fit.state, self.inlier_px))
 
 
-class Reacquisition:
+class Reacquisition(Solver):
     """Fits with searches; knows where body and limbs were last tracked.
 
     Parameters
@@ -98,18 +99,7 @@ class Reacquisition:
         return False
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> LineFit:
-        """A few Gauss-Newton steps on the lines of each scale, and searches for what they have not reached.
-
-        Parameters
-        ----------
-        start : state to begin at.
-        first : of a first image set.
-        prior : in information units, or None.
-
-        Returns
-        -------
-        The best fit.
-        """
+        """A few Gauss-Newton steps on the lines of each scale, and searches for what they have not reached."""
         if self._points is not None and self._points.modality.has_points:
             fit = self._led_by_points(self._points, start, first, prior)
         elif first:
@@ -126,12 +116,7 @@ class Reacquisition:
         return self._fitting.redrawn(self._fitting.fit(led, scales, prior, self._model_sigma_px))
 
     def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Keep where body and limbs are, if they are in place.
-
-        Parameters
-        ----------
-        fit, assessment : see `Solver.remember`.
-        """
+        """Keep where body and limbs are, if they are in place."""
         if assessment.part_weights is None:
             return
         self._search.remember(fit.state, assessment.limbs)
