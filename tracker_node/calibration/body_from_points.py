@@ -7,7 +7,7 @@ images of somebody who stands cannot tell is left to what people differ by.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +32,8 @@ from ..tracking.modality import PeopleSeen
 from .levenberg_marquardt import descend
 
 _LENGTHS = ("size", "length", "breadth")
-_SHARPNESS = (0.003, 0.03, 0.3, 1.0)  # factors of what the points say, from those that reach far to those that tell outliers
-_ITERATIONS, _TOLERANCE = 15, 1e-4
+_ITERATIONS, _TOLERANCE = 30, 1e-4
+_NOTHING = 1e-9  # information of what no image tells and nothing expects, so that equations can be solved
 
 
 @dataclass(frozen=True)
@@ -101,10 +101,8 @@ def body_from_points(
     if not rows:
         raise TrackerError(f"expected one image set with a person in two cameras, got none in {len(people)} image sets")
     problem = _Problem(rig, model, table, config, observed)
-    found = _Unknowns(tuple(states), problem.expected, np.zeros((len(problem.names), 3)))
-    for sharpness in _SHARPNESS:
-        found = problem.fitted(found, sharpness)
-    sigmas = np.sqrt(np.diag(np.linalg.inv(problem.equations(found, 1.0)[0]))[: len(problem.space)])
+    found = problem.fitted(_Unknowns(tuple(states), problem.expected, np.zeros((len(problem.names), 3))))
+    sigmas = problem.sigmas(found)
     lengths = tuple(map(BodyLength, problem.space.names, found.s.tolist(), sigmas.tolist()))
     body, residual_px = problem.space.body(found.s), problem.residual_px(found)
     return BodyFromPoints(body, found.states, tuple(rows), lengths, residual_px)
@@ -134,12 +132,14 @@ class _Problem:
         self._links, self._means, self._priors = body.links, body.means, body.priors
         self._rest = resting(model, config.motion)
 
-    def fitted(self, start: _Unknowns, sharpness: float) -> _Unknowns:
+    def fitted(self, start: _Unknowns) -> _Unknowns:
         """Downhill from ``start``."""
-        return descend(
-            start, lambda found: self._cost(found, sharpness), lambda found: self._stepping(found, sharpness),
-            _ITERATIONS, _TOLERANCE,
-        ).found  # fmt: skip
+        return descend(start, self.cost, self._stepping, _ITERATIONS, _TOLERANCE).found
+
+    def sigmas(self, found: _Unknowns) -> np.ndarray:
+        """(n_shape,) standard deviations of the shape, whatever the offsets and states are."""
+        H, _ = self.equations(found)
+        return np.sqrt(np.diag(np.linalg.inv(H + _NOTHING * np.eye(len(H))))[: len(self.space)])
 
     def residual_px(self, found: _Unknowns) -> float:
         """See `BodyFromPoints`."""
@@ -147,7 +147,7 @@ class _Problem:
         for state, observed in zip(found.states, self._observed, strict=True):
             places = self._places(Configuration(model, state), found.offsets)
             for camera, seen in zip(self._rig, observed.swapaxes(0, 1), strict=True):
-                errors, inlier = _compared(seen, camera.project(places), 1.0)[:2]
+                errors, inlier = _compared(seen, camera.project(places))[:2]
                 distances += np.linalg.norm(errors[inlier > 0.5], axis=1).tolist()
         return float(np.median(distances)) if distances else float("nan")
 
@@ -156,19 +156,20 @@ class _Problem:
         R = configuration.Ts_world_link[self._links, :3, :3]
         return configuration.landmarks_world[self._landmarks] + np.einsum("nij,nj->ni", R, self._means + offsets)
 
-    def _cost(self, found: _Unknowns, sharpness: float) -> float:
+    def cost(self, found: _Unknowns) -> float:
+        """Minus twice the logarithm of how likely the points and these unknowns are."""
         model, off = self.space.body(found.s), found.s - self.expected
         total = float(off @ self._information @ off + np.einsum("ni,nij,nj->", found.offsets, self._priors, found.offsets))
         n = model.n_dof
         for state, observed in zip(found.states, self._observed, strict=True):
             places = self._places(Configuration(model, state), found.offsets)
             for camera, seen in zip(self._rig, observed.swapaxes(0, 1), strict=True):
-                total += _compared(seen, camera.project(places), sharpness)[2]
+                total += _compared(seen, camera.project(places))[2]
             total += self._rest.add_to(np.zeros((n, n)), np.zeros(n), state)
         return total
 
-    def equations(self, found: _Unknowns, sharpness: float) -> tuple[np.ndarray, np.ndarray]:
-        """H (n, n) and g (n,) of shape, offsets and states, in this order."""
+    def equations(self, found: _Unknowns) -> tuple[np.ndarray, np.ndarray]:
+        """H (n, n) and half the gradient g (n,) of the cost by shape, offsets and states, in this order."""
         model = self.space.body(found.s)
         n_shared, n_dof = len(found.s) + found.offsets.size, model.n_dof
         n = n_shared + n_dof * len(found.states)
@@ -180,15 +181,13 @@ class _Problem:
             H[own, own], g[own] = prior, prior @ offset
         for t, (state, observed) in enumerate(zip(found.states, self._observed, strict=True)):
             columns = np.r_[:n_shared, n_shared + n_dof * t : n_shared + n_dof * (t + 1)]
-            own_H, own_g = self._of_set(Configuration(model, state), found.offsets, observed, sharpness)
+            own_H, own_g = self._of_set(Configuration(model, state), found.offsets, observed)
             self._rest.add_to(own_H[n_shared:, n_shared:], own_g[n_shared:], state)
             H[np.ix_(columns, columns)] += own_H
             g[columns] += own_g
         return H, g
 
-    def _of_set(
-        self, configuration: Configuration, offsets: np.ndarray, observed: np.ndarray, sharpness: float
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _of_set(self, configuration: Configuration, offsets: np.ndarray, observed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of one image set, of shape, offsets and its state."""
         places, R = self._places(configuration, offsets), configuration.Ts_world_link[self._links, :3, :3]
         v, w = configuration.twists[:, :3], configuration.twists[:, 3:]
@@ -202,22 +201,22 @@ class _Problem:
         H, g = np.zeros((n, n)), np.zeros(n)
         for camera, seen in zip(self._rig, observed.swapaxes(0, 1), strict=True):
             pixels, derivatives, valid = camera.model.project_with_jacobian(se3.apply(camera.T_cam_world, places))
-            errors, weights, _ = _compared(seen, (pixels, valid), sharpness)
+            errors, weights, _ = _compared(seen, (pixels, valid))
             A = np.where(valid[:, None, None], derivatives, 0.0) @ camera.T_cam_world[:3, :3]
-            W = weights[:, None, None] * _information(seen, sharpness)
+            W = weights[:, None, None] * _information(seen)
             to_world = A.swapaxes(1, 2) @ W
             H += np.einsum("nia,nij,njb->ab", J, to_world @ A, J, optimize=True)
             g += np.einsum("nia,nij,nj->a", J, to_world, errors, optimize=True)
         return H, g
 
-    def _stepping(self, found: _Unknowns, sharpness: float):
+    def _stepping(self, found: _Unknowns) -> Callable[[float], _Unknowns]:
         """From a damping to the unknowns after that step; joints stay within their limits."""
-        H, g = self.equations(found, sharpness)
+        H, g = self.equations(found)
         chain, n_shape = self.space.model.chain, len(found.s)
         n_shared = n_shape + found.offsets.size
 
         def step(damping: float) -> _Unknowns:
-            moved = np.linalg.solve(H + np.diag(damping * np.diag(H) + 1e-9), -g)
+            moved = np.linalg.solve(H + np.diag(damping * np.diag(H) + _NOTHING), -g)
             states = []
             for state, tangent in zip(found.states, moved[n_shared:].reshape(-1, chain.n_dof), strict=True):
                 there = state.retract(tangent)
@@ -228,20 +227,18 @@ class _Problem:
         return step
 
 
-def _information(seen: np.ndarray, sharpness: float) -> np.ndarray:
+def _information(seen: np.ndarray) -> np.ndarray:
     """(n, 2, 2) of detections in pixels."""
-    return sharpness * seen[:, [S_UU, S_UV, S_UV, S_VV]].reshape(-1, 2, 2)
+    return seen[:, [S_UU, S_UV, S_UV, S_VV]].reshape(-1, 2, 2)
 
 
-def _compared(
-    seen: np.ndarray, projected: tuple[np.ndarray, np.ndarray], sharpness: float
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _compared(seen: np.ndarray, projected: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:
     """Errors (n, 2) in pixels, probabilities (n,) that they are of inliers, and minus twice the logarithm of the mixture."""
     pixels, valid = projected
     has = valid & (seen[:, S_UU] > 0.0)
     errors = np.where(has[:, None], pixels - seen[:, [U, V]], 0.0)
-    squares = np.einsum("ni,nij,nj->n", errors, _information(seen, sharpness), errors)
-    outlier = np.maximum(seen[:, OUTLIER] / sharpness, 1e-12)
+    squares = np.einsum("ni,nij,nj->n", errors, _information(seen), errors)
+    outlier = np.maximum(seen[:, OUTLIER], 1e-12)
     density = np.exp(-0.5 * squares)
     weights = np.where(has, density / (density + outlier), 0.0)
     cost = np.where(has, -2.0 * np.log((density + outlier) / (1.0 + outlier)), 0.0)

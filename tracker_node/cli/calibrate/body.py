@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from ...errors import FileFormatError, TrackerError
@@ -82,6 +83,8 @@ def run(args: argparse.Namespace) -> int:
         return _fit_to_images(args)
     if args.from_points:
         return _from_points(args)
+    for option, value in _of_points(args).items():
+        check(value is None, option, "--from-points beside it", value)
     expected = "a TRC file, a stature with --stature, a recording with --from-points, or a run with --from-run"
     check(args.trc or args.stature, "--trc", expected)
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
@@ -123,8 +126,8 @@ def _from_points(args: argparse.Namespace) -> int:
     from ...runs.people.spread import people_of_sets
     from ...tracking.config import TrackerConfig
 
-    given = args.trc or args.stature or args.states or args.rig or args.asymmetric
-    check(not given, "--from-points", "no --trc, --stature, --states, --rig or --asymmetric beside it")
+    given = args.trc or args.stature or args.states or args.rig or args.report or args.asymmetric
+    check(not given, "--from-points", "no --trc, --stature, --states, --rig, --report or --asymmetric beside it")
     check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
     refuse_to_overwrite(args, args.output)
     model = load_model(args.model) if args.model else human_model()
@@ -133,6 +136,8 @@ def _from_points(args: argparse.Namespace) -> int:
     stream = SourceStream(rig, config.synchronizer, SourceOptions())
     find, table = _finder(args, rig, model, config, stream)
     people = people_of_sets(stream, args.sets, find, (lambda *_: None) if args.quiet else StageProgress("calibrate body"))
+    for sentence in (*stream.errors, *stream.notes):
+        print(f"calibrate body: {sentence}", file=sys.stderr)
     try:
         fit = body_from_points(model, rig, people, table, config)
     except TrackerError as error:
@@ -147,6 +152,13 @@ def _from_points(args: argparse.Namespace) -> int:
     return 0
 
 
+def _of_points(args: argparse.Namespace) -> dict[str, Path | None]:
+    """Options that only ``--from-points`` knows."""
+    return {
+        "--keypoints": args.keypoints, "--keypoints-table": args.keypoints_table, "--keypoints-weights": args.keypoints_weights,
+    }  # fmt: skip
+
+
 def _finder(args: argparse.Namespace, rig, model, config, stream):
     """What finds people in the images, and what their points are on the body."""
     from ...model.humans.keypoints import BLAZEPOSE
@@ -156,7 +168,8 @@ def _finder(args: argparse.Namespace, rig, model, config, stream):
     if args.keypoints is None:
         check(args.keypoints_table is None, "--keypoints-table", "--keypoints beside it", "none")
         return PeopleDetection(rig, config, DetectionOptions(args.keypoints_weights)).with_people, BLAZEPOSE
-    files = PointFiles(args.keypoints, args.keypoints_table, 0)
+    check(args.keypoints_weights is None, "--keypoints-weights", "no --keypoints beside it", args.keypoints)
+    files = PointFiles(args.keypoints, args.keypoints_table)
     recorded = open_recorded_people(files, model, rig, rig, stream.image_numbers())
     return recorded.with_people, recorded.table
 
@@ -169,7 +182,8 @@ def _fit_to_images(args: argparse.Namespace) -> int:
     from ...report.metrics_file import write_metrics
     from ...report.progress import StageProgress
 
-    check(not (args.trc or args.stature or args.states), "--from-run", "no --trc, --stature or --states beside it")
+    given = args.trc or args.stature or args.states or args.from_points
+    check(not given, "--from-run", "no --trc, --stature, --states or --from-points beside it")
     page = Path(args.report or Path(args.output).with_suffix(".html"))
     refuse_to_overwrite(args, args.output, page, page.with_suffix(".json"))
     run = load_run_images(args)
