@@ -28,20 +28,28 @@ def with_surfaces(model: ArticulatedModel, surfaces: np.ndarray) -> ArticulatedM
     """
     shapes = []
     for shape, (outside, *shift) in zip(model.shapes, np.asarray(surfaces, dtype=np.float64).tolist(), strict=True):
-        T = np.array(shape.T_link_shape)
-        T[:3, 3] += shift
-        shapes.append(replace(shape, primitive=_thicker(shape.primitive, outside), T_link_shape=T))
+        thicker, T = _thicker(shape.primitive, outside), np.array(shape.T_link_shape)
+        T[:3, 3] += shift + T[:3, :3] @ (_middle(shape.primitive) - _middle(thicker))
+        shapes.append(replace(shape, primitive=thicker, T_link_shape=T))
     return replace(model, shapes=tuple(shapes))
 
 
+def _middle(primitive: Primitive) -> np.ndarray:
+    """(3,) meters, its frame: what stays where it is while a shape grows; a mesh may lie beside its frame."""
+    vertices = getattr(primitive, "vertices", None)
+    return np.zeros(3) if vertices is None else 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+
+
 def _thicker(primitive: Primitive, outside: float) -> Primitive:
-    """A shape whose surface lies so far outside, meters; a cone keeps its length, and by how much its ends differ."""
+    """A shape whose surface lies so far outside, meters; a cone keeps its length and, if it can, by how much its ends differ."""
     factors = np.maximum(1.0 + outside / half_extents(primitive), _THINNEST)
     if not isinstance(primitive, TruncatedCone):
         return scaled_primitive(primitive, factors)
-    middle = 0.5 * (primitive.z1 + primitive.z2)
+    middle, half = 0.5 * (primitive.z1 + primitive.z2), 0.5 * (primitive.z2 - primitive.z1)
     widening = 1.0 + primitive.k * middle
-    a, b = (float(half * widening * factor) for half, factor in zip((primitive.a, primitive.b), factors, strict=False))
-    slope = primitive.k * 0.5 * (primitive.a + primitive.b) / (0.5 * (a + b))
+    a, b = (float(radius * widening * factor) for radius, factor in zip((primitive.a, primitive.b), factors, strict=False))
+    before = primitive.k / widening  # of the radius in the middle, a meter
+    steepest = max(abs(before), (1.0 - _THINNEST) / max(half, abs(middle)))  # so that no radius is negative, nor that at z = 0
+    slope = float(np.clip(before * widening * (primitive.a + primitive.b) / (a + b), -steepest, steepest))
     at_origin = 1.0 - slope * middle
     return TruncatedCone(a * at_origin, b * at_origin, slope / at_origin, primitive.z1, primitive.z2)
