@@ -87,8 +87,8 @@ class _Listening:
     def reset(self) -> None:
         self._choice.reset()
 
-    def find(self, people: PeopleSeen) -> State | None:
-        return self._choice.find(people)
+    def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
+        return self._choice.find(people, near)
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         self.last = self._choice.choose(people, expected)

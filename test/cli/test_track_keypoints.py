@@ -60,3 +60,11 @@ def test_a_run_with_the_network(clip: Clip, tmp_path: Path, capsys: pytest.Captu
     info = json.loads((tmp_path / "run/run.json").read_text())
     assert (info["image_sets"], info["detection"]["images"], info["detection"]["detector"]) == (2, 3, "BlazePose own")
     assert info["options"]["keypoints_weights"].endswith(files.points.name) and info["options"]["keypoints_every"] == 2
+
+
+def test_places_where_no_person_can_be_looked_for(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["track", *clip.arguments(), "--output", str(tmp_path / "run"), "--person"]
+    assert main([*arguments, "nan", "0", "1"]) == 2
+    assert "'--person': expected a place in meters, got [nan, 0.0, 1.0]" in said(capsys)
+    assert main([*arguments, "0", "0", "1"]) == 2
+    assert "a person at a place (--person) is looked for, got an initial state beside it" in said(capsys)

@@ -19,6 +19,7 @@ from helpers.bodies.detected_people import (
     without,
 )
 from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.errors import TrackerError
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.keypoints import COCO_17
 from tracker_node.observation.image_set import ImageSet
@@ -239,3 +240,24 @@ def test_a_tracker_that_is_not_to_look_for_the_body_waits_for_a_state():
     assert waiting.step(shot(0)).status is Status.INITIALIZING
     waiting.set_state(true(1))
     assert waiting.step(shot(1)).status is Status.TRACKING
+
+
+def test_of_several_people_the_one_at_a_place_is_tracked_and_is_found_again_when_lost():
+    def both(i: float, here: bool = True) -> list[tuple]:
+        return [(*one, *other) if here else other for one, other in zip(people(i), people(i, 0.9), strict=True)]
+
+    made = tracker()
+    assert off_m(made.step(shot(0, both(0))).state, true(0)).mean() < 0.03  # where the cameras look
+    made.reinitialize(true(1, 0.9).T_world_root[:3, 3] + 0.1)
+    estimates = [made.step(shot(i, both(i))) for i in range(1, 4)]
+    assert all(estimate.status is Status.TRACKING for estimate in estimates)
+    assert off_m(estimates[-1].state, true(3, 0.9)).mean() < 0.03
+    for i in range(4, 9):  # nobody is seen, then both are
+        made.step(shot(i, [()] * 3))
+    assert off_m(made.step(shot(9, both(9))).state, true(9, 0.9)).mean() < 0.03
+
+
+def test_a_place_without_points_is_refused():
+    made = Tracker(RIG, HUMAN, from_dict({"modalities": ["region"]}))
+    with pytest.raises(TrackerError, match="a person is chosen by points: expected keypoints among the modalities"):
+        made.reinitialize(np.zeros(3))

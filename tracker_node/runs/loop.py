@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
+
 from ..errors import TrackerError
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
@@ -18,7 +20,7 @@ class Steppable(Protocol):
     def step(self, image_set: ImageSet) -> TrackEstimate: ...
     def reset(self) -> None: ...
     def set_state(self, state: State) -> None: ...
-    def reinitialize(self) -> None: ...
+    def reinitialize(self, near: np.ndarray | None = None) -> None: ...
     def take_over(self, other: Any, image_set: ImageSet) -> None:
         """Go on with the body as another tracker has left it.
 

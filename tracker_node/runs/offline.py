@@ -54,6 +54,7 @@ class OfflineRun:
     detection : how people are found, where `keypoints` is among the modalities.
     points : files with the points of another detector, in whose place; None: none.
     table : what the points in a bag are on the body; None: those of BlazePose.
+    person : (3,) meters, world: of several people, the one there is tracked; None: the one nearest to where the cameras look.
     masks, masked_images : record the model's silhouettes, and the images as seen through them.
     named_options : what the user gave, for ``run.json``.
     """
@@ -71,6 +72,7 @@ class OfflineRun:
     detection: DetectionOptions = field(default_factory=DetectionOptions)
     points: PointFiles | None = None
     table: KeypointTable | None = None
+    person: np.ndarray | None = None
     masks: bool = False
     masked_images: bool = False
     named_options: dict[str, Any] = field(default_factory=dict)
@@ -108,6 +110,10 @@ def run_offline(
         backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
         table = run.table if recorded is None else recorded.table
         tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)
+        if run.person is not None:
+            if run.initial_state is not None:
+                raise TrackerError("a person at a place (--person) is looked for, got an initial state beside it")
+            tracker.reinitialize(run.person)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
         detection = _detection_of(run, rig, reader) if recorded is None else recorded

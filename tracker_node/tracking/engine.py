@@ -124,12 +124,13 @@ class Choice(Protocol):
         """Forget everything."""
         ...
 
-    def find(self, people: PeopleSeen) -> State | None:
+    def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """Where the body begins, without knowing where it is.
 
         Parameters
         ----------
         people : whom a detector has found, by camera.
+        near : (3,) meters, world: of several people, the one there; None: where the cameras look.
 
         Returns
         -------
@@ -200,8 +201,17 @@ class AnyEngine(Protocol):
         people : whom a detector has found, by camera; empty where none is used.
         """
 
-    def find(self, people: PeopleSeen) -> State | None:
-        """Where the body begins, by what a detector has found; None where that says nothing."""
+    def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
+        """Where the body begins, by what a detector has found; None where that says nothing.
+
+        Parameters
+        ----------
+        people, near : see `observe`, and `Choice.find`.
+
+        Returns
+        -------
+        See `Choice.find`.
+        """
         return None
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
@@ -317,8 +327,8 @@ class Engine(AnyEngine):
         for modality in self.modalities:
             modality.set_images(images, expected, delays, persons)
 
-    def find(self, people: PeopleSeen) -> State | None:
-        return None if self.choice is None else self.choice.find(people)
+    def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
+        return None if self.choice is None else self.choice.find(people, near)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit the body by the engine's solver."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera.rig import CameraRig, check_metres
-from ..errors import CalibrationError
+from ..errors import CalibrationError, TrackerError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
@@ -102,6 +102,7 @@ class Tracker:
             )  # fmt: skip
         self._check = SelfCheck(rig, model, _check_options(config))
         self._late = LatePoints(rig, model, keypoints) if KEYPOINTS in config.modalities else None
+        self._near: np.ndarray | None = None  # where, of several people, the body is wanted
         self._restart(initial_state)
 
     @property
@@ -126,8 +127,22 @@ class Tracker:
         """Go on from ``state`` at the next image set, with what has been learned so far."""
         self._restart(state)
 
-    def reinitialize(self) -> None:
-        """Detect the body in the next image sets, wherever it was, with what has been learned so far."""
+    def reinitialize(self, near: np.ndarray | None = None) -> None:
+        """Detect the body in the next image sets, wherever it was, with what has been learned so far.
+
+        Parameters
+        ----------
+        near : (3,) meters, world: of several people, the one there, now and whenever the body is LOST; None: as before.
+
+        Raises
+        ------
+        TrackerError : a place, where no points of people are compared.
+        """
+        if near is not None:
+            if self._late is None:
+                names = ", ".join(self.config.modalities)
+                raise TrackerError(f"a person is chosen by points: expected keypoints among the modalities, got {names}")
+            self._near = np.asarray(near, dtype=np.float64)
         self._restart(None)
 
     def _restart(self, state: State | None) -> None:
@@ -150,7 +165,7 @@ class Tracker:
         ------
         CalibrationError : the images do not suit the cameras of this tracker.
         """
-        images, track = self._images(image_set), other._track
+        images, track, self._near = self._images(image_set), other._track, other._near
         assert track.start is not None
         self._restart(track.start)
         self._track.engine.begin(images, track.start, known=True)
@@ -209,7 +224,7 @@ class Tracker:
         images = self._images(image_set)
         if self._initializer is not None:
             if self._late is not None and (self._track.start is None or self._track.lost >= _LOST_SETS):
-                begin = self._track.engine.find(self._late.found(image_set))
+                begin = self._track.engine.find(self._late.found(image_set), self._near)
                 if begin is not None:
                     self._restart(begin)
             found = self._reinitialized(self._initializer, images, image_set)

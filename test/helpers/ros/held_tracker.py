@@ -32,5 +32,5 @@ class HeldTracker:
     def take_over(self, other, image_set):
         self.told.append(("take over", other, image_set.stamp_ns))
 
-    def reinitialize(self):
+    def reinitialize(self, near=None):
         self.told.append("look anew")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
+from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
@@ -252,3 +252,17 @@ def test_a_state_that_no_body_can_have_is_refused(probe, start_tracker):
     cameras.send(1)
     probe.spin_until(lambda: len(states) == 2, "a state after")
     assert states[1].status == Status.TRACKING
+
+
+def test_a_click_where_nobody_can_be_chosen_is_refused(probe, start_tracker):
+    node, _, _ = start_tracker()
+    clicks = probe.node.create_publisher(PointStamped, "clicked_point", 10)
+    probe.spin_until(lambda: clicks.get_subscription_count() == 1, "the subscription")
+    said = []
+    node.get_logger().error = said.append
+    elsewhere = PointStamped()
+    elsewhere.header.frame_id = "cam1"
+    for message in (PointStamped(), elsewhere):
+        clicks.publish(message)
+    probe.spin_until(lambda: len(said) == 2, "two refusals")
+    assert "clicked_point: a person is chosen by points" in said[0] and "expected frame 'world', got 'cam1'" in said[1]

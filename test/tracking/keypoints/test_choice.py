@@ -26,8 +26,8 @@ class Start:
         self.asked: list = []
         self._state = state
 
-    def find(self, people):
-        self.asked.append(people)
+    def find(self, people, near=None):
+        self.asked.append((people, near))
         return self._state
 
 
@@ -192,5 +192,6 @@ def test_the_beginning_is_that_of_the_start_and_swaps_are_forgotten():
     start = Start(state)
     made = choice(start)
     made._swaps[:] = 9.0
-    assert made.find(people) is state and start.asked == [people]
+    assert made.find(people) is state and made.find(people, near := np.zeros(3)) is state
+    assert start.asked == [(people, None), (people, near)]
     np.testing.assert_array_equal(made._swaps, -2.0)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
+import numpy as np
+from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 from tracker_msgs.srv import SetState
 
 from ...errors import TrackerError, shown
 from ...model.configuration import State, refuse_implausible
+from ...tracking.config import KEYPOINTS
 from ..conversions import state_of_pose, values_with_changes
 from ..qos import RESULT
 from .options import TrackerOptions
@@ -18,7 +20,7 @@ from .worker import TrackingWorker
 
 
 class TrackerServices:
-    """Services and the subscription to ``initialpose``; each request takes effect with the next image set.
+    """Services and the subscriptions to ``initialpose`` and ``clicked_point``; they take effect with the next image set.
 
     Parameters
     ----------
@@ -40,7 +42,10 @@ class TrackerServices:
             node.create_service(SetBool, "~/enable", self._guarded(self._on_enable)),
             node.create_service(SetState, "~/set_state", self._guarded(self._on_set_state)),
         ]
-        self._subscription = node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, RESULT)
+        self._subscriptions = [
+            node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, RESULT),
+            node.create_subscription(PointStamped, "clicked_point", self._on_clicked_point, RESULT),
+        ]
 
     def _guarded(self, answer: Callable):
         """A service's callback: ``answer(worker, request)`` says what is to be answered, or raises a `TrackerError`."""
@@ -88,11 +93,28 @@ class TrackerServices:
         beyond = model.chain.beyond_limits(state.joint_positions)
         return f"put at the limit: {'; '.join(beyond)}" if beyond else ""
 
-    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
-        frame, world = message.header.frame_id, self._options.rig.world_frame
+    def _check_frame(self, frame: str) -> None:
+        world = self._options.rig.world_frame
+        if frame not in ("", world):
+            raise TrackerError(f"expected frame '{world}', got {shown(frame)}")
+
+    def _on_clicked_point(self, message: PointStamped) -> None:
+        """Track the person there."""
+        place = np.array([message.point.x, message.point.y, message.point.z])
         try:
-            if frame not in ("", world):
-                raise TrackerError(f"expected frame '{world}', got {shown(frame)}")
+            self._check_frame(message.header.frame_id)
+            worker = self._configured()
+            if KEYPOINTS not in worker.config.modalities or not self._looks_for_body():
+                raise TrackerError("a person is chosen by points: set modalities with keypoints, and initialization.enabled")
+            if not np.isfinite(place).all():
+                raise TrackerError(f"expected a place in meters, got {place.tolist()}")
+            worker.reinitialize(place)
+        except TrackerError as error:
+            self._node.get_logger().error(f"clicked_point: {error}")
+
+    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        try:
+            self._check_frame(message.header.frame_id)
             worker = self._configured()
             joints = State.from_values(self._values_now(worker)).joint_positions
             state = state_of_pose(message.pose.pose, joints)

@@ -7,6 +7,8 @@ import time
 import traceback
 from collections.abc import Callable, Collection
 
+import numpy as np
+
 from ...camera.rig import CameraRig
 from ...errors import TrackerError
 from ...model.configuration import State
@@ -129,9 +131,14 @@ class TrackingWorker:
         """Go on from a state at the next image set."""
         self._begin(StartRequest(lambda tracker: tracker.set_state(state), state))
 
-    def reinitialize(self) -> None:
-        """Search the body wherever it may be; what has been learnt stays."""
-        self._begin(StartRequest(lambda tracker: tracker.reinitialize(), forgets_state=True))
+    def reinitialize(self, near: np.ndarray | None = None) -> None:
+        """Search the body wherever it may be; what has been learnt stays.
+
+        Parameters
+        ----------
+        near : see `Tracker.reinitialize`.
+        """
+        self._begin(StartRequest(lambda tracker: tracker.reinitialize(near), forgets_state=True))
 
     def _begin(self, request: StartRequest) -> None:
         def begin() -> None:

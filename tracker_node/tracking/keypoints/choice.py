@@ -38,10 +38,10 @@ class PersonChoice(Choice):
         """Nothing is known of swaps."""
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
 
-    def find(self, people: PeopleSeen) -> State | None:
+    def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """Where the body begins."""
         self.reset()
-        return self._start.find(people)
+        return self._start.find(people, near)
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         """The body in each camera."""

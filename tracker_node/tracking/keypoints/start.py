@@ -39,12 +39,13 @@ class PointStart:
         self._focus, self._limbs = _focus(rig), limbs_of(model)[1:]
         self._steady = np.argsort(_mobility(model, fitting.modality.offsets.body), kind="stable")
 
-    def find(self, people: PeopleSeen) -> State | None:
-        """The state of the person nearest to where the cameras look, of those whom the body suits.
+    def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
+        """The state of the person nearest to a place, of those whom the body suits.
 
         Parameters
         ----------
         people : whom a detector has found, by camera.
+        near : (3,) meters, world; None: where the cameras look.
 
         Returns
         -------
@@ -61,8 +62,8 @@ class PointStart:
         if not found:
             return None
         least = min(cost for _, cost in found)
-        suits = [state for state, cost in found if cost <= _SUITS * least]
-        return min(suits, key=lambda state: float(np.linalg.norm(state.T_world_root[:3, 3] - self._focus)))
+        suits, place = [state for state, cost in found if cost <= _SUITS * least], self._focus if near is None else near
+        return min(suits, key=lambda state: float(np.linalg.norm(state.T_world_root[:3, 3] - place)))
 
     def _either_way(self, group: PersonGroup) -> tuple[State, float] | None:
         """The better fit: points that meet do not say whether a detector has exchanged left and right in all of these cameras."""
