@@ -1,23 +1,18 @@
 """``tracker_node migrate``: files, bags and runs of version 0.1."""
 
-import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from helpers.ros.samples import tracked_arm
 from helpers.sources.old_bag import write_old_bag
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.bag.message_types import TRACKED_STATE, message_type
-from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.rig_yaml import read_rig_file
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.load import load_run
-from tracker_node.tracking.estimate import LimbStatus
 
 OLD = """# by hand
 /**:
@@ -82,63 +77,16 @@ DOFS = ("root_x", "root_y", "root_z", "root_rx", "root_ry", "root_rz")
 STAMPS_NS = [10**9 + i * 40_000_000 for i in range(3)]
 
 
-def test_a_bag_has_its_covariances_apart_and_the_present_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bags_and_runs_are_refused(tmp_path: Path) -> None:
     bag = write_old_bag(tmp_path / "bag", DOFS, STAMPS_NS)
-    with pytest.raises(FileFormatError, match=r"/tracker/state.*tracker_node migrate.*version 0\.1"):
+    with pytest.raises(FileFormatError, match=r"/tracker/state.*version 0\.1 reads its own runs"):
         load_run(bag)
-    assert main(["migrate", str(bag)]) == 0
-    assert (tmp_path / "bag.old/metadata.yaml").exists() and "bag.old" in capsys.readouterr().out
-    with BagReader(bag, scanned=True) as reader:
-        pictures = {"/tracker/cam01/overlay/compressed", "/tracker/cam01/masked_image/compressed"}
-        assert set(reader.topics) == {"/tracker/state", "/tracker/state_covariance"} | pictures
-        assert reader.custom == {"model": "stick"} and {topic.message_count for topic in reader.topics.values()} == {3}
-        found = reader.topic("/tracker/state")
-        present = message_type(TRACKED_STATE)
-        assert (found.definition, found.type_hash) == (present.definition, present.type_hash)
-        sent_ns = [message.publish_ns for message in reader.messages(["/tracker/state"])]
-        states = [message for _, message in reader.decoded("/tracker/state")]
-        covariances = [message for _, message in reader.decoded("/tracker/state_covariance")]
-    assert sent_ns == [stamp + 3 for stamp in STAMPS_NS]
-    assert [message.header.stamp for message in states] == [message.header.stamp for message in covariances]
-    for i, (state, covariance) in enumerate(zip(states, covariances, strict=True)):
-        assert (state.residual, state.residual_unit, state.camera_residuals.tolist()) == (1.5 + i, "px", [2.5 + i])
-        assert [LimbStatus(number).name for number in state.limb_status] == ["TRACKING", "UNSEEN", "LOST"]
-        assert state.limb_reasons == ["", "hidden", "not found"] and state.root_pose.position.z == 3.0
-        assert (covariance.dof_names, state.cameras, state.total_ms) == (list(DOFS), ["cam01"], 3.0)
-        assert covariance.covariance.reshape(6, 6).tolist() == (i * np.eye(6)).tolist()
-        assert covariance.velocity_covariance.reshape(6, 6).tolist() == (2.0 * i * np.eye(6)).tolist()
-    run = load_run(bag)
-    assert run.details is not None and run.details.covariances[:, 4, 4].tolist() == [0.0, 1.0, 2.0]
-    assert main(["migrate", str(bag), "-o", str(tmp_path / "again")]) == 2
-    assert "a bag of version 0.1" in capsys.readouterr().err and not (tmp_path / "again").exists()
-
-
-def test_a_run_of_colors_is_rewritten_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = tmp_path / "run"
-    write_old_bag(run / "bag", DOFS, STAMPS_NS)
     columns = ",".join((*(f"{name}_{unit}" for name, unit in zip(DOFS, ["m"] * 3 + ["rad"] * 3, strict=True)), "score"))
-    rows = [f"{stamp},TRACKING,,0,0,0,0,0,0,1,2.5,3,4" for stamp in STAMPS_NS]
-    rows[0] = f"{STAMPS_NS[0]},INITIALISING,,,,,,,,0,0,0,0"
-    old = "\n".join([f"stamp_ns,status,reason,{columns},residual_px,iterations,evaluations", *rows, ""])
-    (run / "smoothed").mkdir()
-    for name in ("states.csv", "smoothed/states.csv"):
-        (run / name).write_text(old)
-    counts = {"INITIALISING": 1, "TRACKING": 2}
-    info = {"status_counts": counts, "residual_px": {"p50": 2.5}, "parameters": {"engine": "color"}, "note": "kept"}
-    (run / "run.json").write_text(json.dumps(info))
-    with pytest.raises(FileFormatError, match=r"states\.csv.*tracker_node migrate"):
-        load_run(run)
-    assert main(["migrate", str(run), "-o", str(tmp_path / "new")]) == 0
-    assert (run / "states.csv").read_text() == old
-    found = load_run(tmp_path / "new")
-    assert found.residual_unit == "gray levels" and found.status_text == "1 INITIALIZING, 2 TRACKING"
-    assert found.info["status_counts"] == {"INITIALIZING": 1, "TRACKING": 2} and found.info["note"] == "kept"
-    assert found.info["residual"] == {"p50": 2.5} and "residual_px" not in found.info
-    assert load_run(tmp_path / "new/smoothed").residual.tolist()[1:] == [2.5, 2.5]
-    with BagReader(tmp_path / "new/bag") as reader:
-        assert {message.residual_unit for _, message in reader.decoded("/tracker/state")} == {"gray levels"}
-    assert main(["migrate", str(run), "-o", str(tmp_path / "new")]) == 2
-    assert "exists already" in capsys.readouterr().err
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run/states.csv").write_text(f"stamp_ns,status,reason,{columns},residual_px,iterations,evaluations\n")
+    with pytest.raises(FileFormatError, match=r"states\.csv.*version 0\.1 reads its own runs"):
+        load_run(tmp_path / "run")
+    assert main(["migrate", str(bag)]) == 2
 
 
 def test_a_body_keeps_its_comments(tmp_path: Path) -> None:

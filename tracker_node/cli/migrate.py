@@ -1,4 +1,4 @@
-"""``tracker_node migrate``: files, bags and runs of version 0.1 under the present names."""
+"""``tracker_node migrate``: files of version 0.1 under the present names."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ import argparse
 import sys
 from pathlib import Path
 
-SUMMARY = "rewrite a bag, run, recording, rig, body or parameters of version 0.1 with present names; the old one is kept beside"
-EXAMPLE = """tracker_node migrate tracker.yaml
-  tracker_node migrate out/run1"""
+SUMMARY = "rewrite a recording, rig, body or parameters of version 0.1 with present names; the old one is kept beside"
+EXAMPLE = "tracker_node migrate tracker.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file",
-        metavar="FILE|BAG|RUN",
-        help="bag, folder of a run, recording.yaml, rig.yaml, model.yaml, or tracker.yaml (plain or as a ROS parameter file)",
+        metavar="FILE",
+        help="recording.yaml, rig.yaml, model.yaml, or tracker.yaml (plain or as a ROS parameter file)",
     )
     parser.add_argument("-o", "--output", metavar="FILE", help="where to write (default: there; the old one to NAME.old)")
 

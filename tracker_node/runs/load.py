@@ -165,25 +165,10 @@ def state_messages(reader: BagReader, topic: str) -> list[Any]:
     ------
     FileFormatError : the bag is of version 0.1, or damaged.
     """
-    if is_old(reader, topic):
-        expected = "states under their present names (`tracker_node migrate` rewrites bags and runs)"
+    if "residual_px" in reader.topic(topic).definition:
+        expected = "states under their present names (version 0.1 reads its own runs; or track the recording again)"
         raise FileFormatError(reader.path, topic, expected, "those of version 0.1")
     return [message for _, message in reader.decoded(topic)]
-
-
-def is_old(reader: BagReader, topic: str) -> bool:
-    """Whether a topic of tracked states was written by version 0.1.
-
-    Parameters
-    ----------
-    reader : of the bag.
-    topic : its name.
-
-    Returns
-    -------
-    old : by the names of its fields.
-    """
-    return "residual_px" in reader.topic(topic).definition
 
 
 def _covariances(reader: BagReader, topic: str) -> dict[int, np.ndarray]:

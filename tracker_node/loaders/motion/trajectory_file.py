@@ -174,7 +174,7 @@ def read_states(path: str | Path) -> StateTrajectory:
     """
     table = CsvTable(path, LEADING_COLUMNS)
     if "residual_px" in table.header:
-        expected = "columns under their present names (`tracker_node migrate` rewrites bags and runs)"
+        expected = "columns under their present names (version 0.1 reads its own runs; or track the recording again)"
         raise FileFormatError(path, "header", expected, "those of version 0.1")
     if table.header[-len(TRAILING_COLUMNS) :] != TRAILING_COLUMNS:
         raise FileFormatError(path, "header", f"last columns {', '.join(TRAILING_COLUMNS)}", table.header)
