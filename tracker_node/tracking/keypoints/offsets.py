@@ -45,14 +45,13 @@ class PointOffsets:
         """
         config, body = self._config, self.body
         means, covariances = body.means.copy(), body.covariances.copy()
-        wobble, least = config.wobble_m**2 * np.eye(3), config.least_offset_sigma_m**2 * np.eye(3)
-        for k in np.flatnonzero(trusted & (points.weights > 0.5).any(axis=1)):
-            A, prior = points.information[k], body.priors[k]
-            pulled = (A + prior) @ points.offsets[k] - prior @ body.means[k]  # A times where the points alone have it
-            share = np.linalg.inv(np.eye(3) + A @ wobble) / config.correlation_sets
-            covariances[k] = np.linalg.inv(prior + share @ A)
-            means[k] = covariances[k] @ (prior @ body.means[k] + share @ pulled)
-            covariances[k] = 0.5 * (covariances[k] + covariances[k].T)
-            values, axes = np.linalg.eigh(covariances[k])
-            covariances[k] = (axes * np.maximum(values, least[0, 0])) @ axes.T
+        told = np.flatnonzero(trusted & (points.weights > 0.5).any(axis=1))
+        A, priors, known = points.information[told], body.priors[told], body.means[told, :, None]
+        pulled = (A + priors) @ points.offsets[told, :, None] - priors @ known  # A times where the points alone have it
+        share = np.linalg.inv(np.eye(3) + config.wobble_m**2 * A) / config.correlation_sets
+        covariance = np.linalg.inv(priors + share @ A)
+        means[told] = (covariance @ (priors @ known + share @ pulled))[:, :, 0]
+        values, axes = np.linalg.eigh(0.5 * (covariance + covariance.swapaxes(1, 2)))
+        least = config.least_offset_sigma_m**2
+        covariances[told] = (axes * np.maximum(values, least)[:, None]) @ axes.swapaxes(1, 2)
         self.body = replace(body, means=means, covariances=covariances)
