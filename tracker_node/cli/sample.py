@@ -10,6 +10,14 @@ from .arguments.verbs import run_verb
 
 SUMMARY = "fetch a sample recording (real videos, calibration, reference) and make it ready to be tracked"
 EXAMPLE = "tracker_node sample balancing --output out/balancing"
+POINTS, TOGETHER, RECORDING = "tracker_points.yaml", "tracker_together.yaml", "recording.yaml"
+DESCRIBED = {
+    "balancing.yaml": "tracker.yaml",
+    "balancing_points.yaml": POINTS,
+    "balancing_together.yaml": TOGETHER,
+    "balancing_recording.yaml": RECORDING,
+}
+"""Files of this package's ``config`` -> what they are called beside the clip."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +80,6 @@ def _describe(folder: Path, fresh: bool) -> None:
 
     if fresh or not (folder / "masks.json").exists():
         balancing.write_masks(folder, data_file("config/balancing_masks.json"))
-    for name, target in (("balancing.yaml", "tracker.yaml"), ("balancing_recording.yaml", "recording.yaml")):
+    for name, target in DESCRIBED.items():
         if fresh or not (folder / target).exists():
             shutil.copyfile(data_file(f"config/{name}"), folder / target)

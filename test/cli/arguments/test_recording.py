@@ -29,13 +29,13 @@ def args(**given):
 
 
 PLAIN = [
-    *("evaluate", "out/run", "--model", "m.yaml", "--rig", "r.yaml", "--name", "walk", "--align", "stamp", "--lag", "0.5"),
+    *("evaluate", "out/run", "--rig", "r.yaml", "--name", "walk", "--align", "stamp", "--lag", "0.5"),
     *("--first-image", "3", "--output", "out/report"),
 ]
 
 
 def asked(entry, **given):
-    return evaluation_of(entry, args(**given), Path("out/run"), Path("out/report"))
+    return evaluation_of(entry, args(**given), {"": Path("out/run")}, Path("out/report"))
 
 
 def test_a_run_of_the_whole_recording_has_its_number_of_sets():
@@ -53,6 +53,12 @@ def test_truth_masks_and_targets():
     assert asked(recording(y_up=False))[-1] == "--no-y-up"
 
 
+def test_several_runs_are_compared():
+    found = evaluation_of(recording(), args(), {"_a": Path("out/a"), "": Path("out/b")}, Path("out/report"))
+    assert found[:3] == ["evaluate", "out/a", "out/b"] and found[5:9] == ["--name", "walk_a", "--name", "walk"]
+    assert found[9:] == [*PLAIN[6:], "--image-sets", "90"]
+
+
 def test_nothing_is_evaluated_where_nothing_is_named():
     entry = SimpleNamespace(evaluate=None)
     assert asked(entry) == [] and evaluate_recording(entry, args(), Path("run"), Path("out")) == 0
@@ -62,7 +68,7 @@ def test_the_status_is_that_of_evaluate(tmp_path, capsys):
     given = args(model=tmp_path / "m.yaml", rig=tmp_path / "r.yaml")
     assert evaluate_recording(recording(), given, tmp_path / "run", tmp_path / "out") == 2
     said = capsys.readouterr()
-    assert said.out.startswith(f"$ tracker_node evaluate {tmp_path}/run --model ") and "tracker_node evaluate: error" in said.err
+    assert said.out.startswith(f"$ tracker_node evaluate {tmp_path}/run --rig ") and "tracker_node evaluate: error" in said.err
 
 
 def parsed(*argv):
@@ -81,6 +87,18 @@ def test_what_is_not_given_is_built_in():
     given = parsed("--rig", "r.yaml", "--model", "m.yaml", "--start", "2")
     fill_in(given, {"start": 7})
     assert given.start == "2"
+
+
+@pytest.mark.parametrize("asked", [(), ("--no-evaluate",)])
+def test_an_evaluation_can_be_left_out(tmp_path, asked):
+    for name in ("r.yaml", "m.yaml"):
+        (tmp_path / name).touch()
+    (tmp_path / "recording.yaml").write_text("{rig: r.yaml, model: m.yaml, output: run, evaluate: {name: walk}}")
+    parser = argparse.ArgumentParser()
+    add_recording_argument(parser, {"rig": None, "model": None})
+    given = parser.parse_args([str(tmp_path / "recording.yaml"), *asked])
+    found = fill_in(given, {"rig": None, "model": None})
+    assert (found.evaluate is None) == bool(asked) and given.rig == tmp_path / "r.yaml"
 
 
 @pytest.mark.parametrize("given", [(), ("--rig", "r.yaml"), ("--model", "m.yaml")])

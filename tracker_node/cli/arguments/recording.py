@@ -26,6 +26,7 @@ def add_recording_argument(parser: argparse.ArgumentParser, built_in: Mapping[st
         metavar="RECORDING",
         help="recording.yaml that says all of this (docs/formats.md); options given beside it go before what it says",
     )
+    parser.add_argument("--no-evaluate", action="store_true", help="even where the recording says what the run is compared with")
     parser.set_defaults(**dict.fromkeys(built_in))
 
 
@@ -49,6 +50,8 @@ def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingF
     from ...loaders.recording_yaml import load_recording
 
     recording = load_recording(args.recording) if args.recording else None
+    if recording is not None and args.no_evaluate:
+        recording = recording.model_copy(update={"evaluate": None})
     said = _values(recording) if recording else {}
     values = {**built_in, **{name: value for name, value in said.items() if value is not None}}
     for name, value in values.items():
@@ -130,18 +133,18 @@ def evaluate_recording(recording: RecordingFile, args: argparse.Namespace, run: 
     """
     from .verbs import run_verb
 
-    arguments = evaluation_of(recording, args, run, output)
+    arguments = evaluation_of(recording, args, {"": run}, output)
     return run_verb(*arguments) if arguments else 0
 
 
-def evaluation_of(recording: RecordingFile, args: argparse.Namespace, run: Path, output: Path) -> list[str]:
-    """Command line of ``evaluate`` for a run of a recording.
+def evaluation_of(recording: RecordingFile, args: argparse.Namespace, runs: Mapping[str, Path], output: Path) -> list[str]:
+    """Command line of ``evaluate`` for runs of a recording.
 
     Parameters
     ----------
     recording : with the truth and the targets.
     args : of the command line.
-    run : folder or bag.
+    runs : what is added to the recording's name -> folder or bag.
     output : folder of the report.
 
     Returns
@@ -151,7 +154,9 @@ def evaluation_of(recording: RecordingFile, args: argparse.Namespace, run: Path,
     entry = recording.evaluate
     if entry is None:
         return []
-    arguments: list[str | Path] = ["evaluate", run, "--model", args.model, "--rig", args.rig, "--name", entry.name]
+    arguments: list[str | Path] = ["evaluate", *runs.values(), "--rig", args.rig]  # run.json has the body
+    for suffix in runs:
+        arguments += ["--name", f"{entry.name}{suffix}"]
     arguments += ["--align", entry.align, "--lag", str(entry.lag)]
     arguments += ["--first-image", str(args.start), "--output", output]
     if (args.start, args.end, getattr(args, "max_sets", None)) == (recording.images.start, recording.images.end, None):

@@ -84,8 +84,9 @@ def run(args: argparse.Namespace) -> int:
         raise TrackerError(f"{switches} say what is recorded: give --bag or --output too")
     if args.bag is not None and args.bag.exists():
         raise TrackerError(f"--bag {args.bag}: there is something already")
+    folder = run_of_bag(args.bag) if args.bag else None
     options = PipelineOptions(
-        body=_body_options(args, list(opened.cameras)),
+        body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
         source=_source_options(args),
         sources=dict(args.source),
         cameras=tuple(opened.cameras),
@@ -101,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
         n_expected=n_sets,
         ros_args=with_topics(args.ros_args, rig, {}),
     )
-    folder, start = run_of_bag(args.bag) if args.bag else None, start_of_live_run(args, n_sets)
+    start = start_of_live_run(args, n_sets)
     if folder is not None:
         write_summary(folder, start)  # now, for a run that is killed
     status, progress, interrupted = run_pipeline(options)
@@ -109,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
         write_summary(folder, end_of_live_run(start, progress))
     counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
     print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
-    arguments = evaluation_of(recording, args, args.bag, args.output or args.bag.parent) if recording and args.bag else []
+    arguments = evaluation_of(recording, args, {"": args.bag}, args.output or args.bag.parent) if recording and args.bag else []
     if interrupted:
         if arguments:
             print(f"not evaluated, as it was ended early; to do it: tracker_node {shlex.join(arguments)}")
@@ -155,7 +156,9 @@ def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool
         print(f"pipeline: without points of people: {error}", file=sys.stderr, flush=True)
         return None
     result = ["--rig", str(args.rig), "--cameras", *cameras]
-    rate = 0.0 if args.keypoints_rate is None and not args.real_time else args.keypoints_rate  # the tracker waits for points
+    rate = args.keypoints_rate
+    if rate is None and not args.real_time:  # the tracker waits for the points of every set
+        rate, result = 0.0, [*result, "--lossless", "--niceness", "0"]
     for option, value in (("config", args.config), ("weights", args.keypoints_weights), ("rate", rate)):
         result += [] if value is None else [f"--{option}", str(value)]
     return result
