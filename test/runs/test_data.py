@@ -6,7 +6,7 @@ import pytest
 from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.loaders.motion.motion_file import CovariancesWriter
-from tracker_node.runs.load import load_run
+from tracker_node.runs.load import file_of_run, load_run
 from tracker_node.tracking.estimate import Status
 
 
@@ -95,3 +95,11 @@ def test_another_body_is_refused(tmp_path):
     run = load_run(write_run(tmp_path / "run", motion(2)))
     with pytest.raises(FileFormatError, match=r"elbow_flexion.*and not"):
         run.check_model(body(), "arm.yaml")
+
+
+def test_a_part_of_a_run_has_the_files_of_the_run_unless_its_own(tmp_path):
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    assert file_of_run(bag, "body.yaml") == file_of_run(tmp_path, "body.yaml") == tmp_path / "body.yaml"
+    (bag / "body.yaml").touch()
+    assert file_of_run(bag, "body.yaml") == bag / "body.yaml"

@@ -13,7 +13,7 @@ from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..runs.images import file_of, first_image_of, rig_of_run
-from ..runs.load import load_run
+from ..runs.load import file_of_run, load_run
 from ..runs.writer import BODY
 from .evaluate import EvaluationOptions
 from .masks.reference import CameraMasks
@@ -104,7 +104,7 @@ def _images(
 
 def _as_seen(files: RunFiles, model: ArticulatedModel) -> ArticulatedModel:
     """The body with the clothes that the run has found; ``model`` where it has not, or where another body is named."""
-    path = Path(files.run) / BODY
+    path = file_of_run(Path(files.run), BODY)
     if files.model is not None or not path.is_file():
         return model
     seen = load_model(path)

@@ -75,13 +75,23 @@ def run_info(path: str | Path) -> dict[str, Any]:
     FileFormatError : one that cannot be read.
     """
     path = Path(path)
-    return _read_info(_info_of(path)) if path.is_dir() else {}
+    return _read_info(file_of_run(path, SUMMARY)) if path.is_dir() else {}
 
 
-def _info_of(folder: Path) -> Path:
-    """Of a part of a run it is the file of the run that tells, unless the part has one of its own."""
-    of_part = folder.name in (SMOOTHED, BAG) and not (folder / SUMMARY).exists()
-    return (folder.parent if of_part else folder) / SUMMARY
+def file_of_run(folder: Path, name: str) -> Path:
+    """A file of a run; of a part of one it is that of the run, unless the part has one of its own.
+
+    Parameters
+    ----------
+    folder : of the run, its bag or its smoothed states.
+    name : of the file.
+
+    Returns
+    -------
+    path : may not be there.
+    """
+    of_part = folder.name in (SMOOTHED, BAG) and not (folder / name).exists()
+    return (folder.parent if of_part else folder) / name
 
 
 def _read_info(path: Path) -> dict[str, Any]:

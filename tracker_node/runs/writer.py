@@ -66,6 +66,20 @@ def run_of_bag(bag: Path) -> Path | None:
     return bag.parent
 
 
+def write_body(folder: Path, model: ArticulatedModel, surfaces: np.ndarray | None) -> None:
+    """Write `BODY`, the body as it is seen in images.
+
+    Parameters
+    ----------
+    folder : of the run.
+    model : that was tracked.
+    surfaces : of the last estimate; None where clothes were not followed: nothing is written.
+    """
+    if surfaces is not None:
+        seen = with_surfaces(model, surfaces)
+        dump_model(seen, folder / BODY, f"{seen.name} as it was seen last, with its clothes. Units: meters, degrees.")
+
+
 class RunWriter:
     """Writes each estimate as it comes; use it in a ``with`` statement.
 
@@ -99,7 +113,7 @@ class RunWriter:
         requested = ["mask"] * masks + ["masked_image"] * masked_images
         self._of_body, self._of_cameras = recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
         self._prefix = f"/{tracker.strip('/')}"
-        for name in (BAG, STATES, JOINTS, POSES, SUMMARY):
+        for name in (BAG, STATES, JOINTS, POSES, SUMMARY, BODY):
             if (self.output / name).exists():
                 raise BagExistsError(self.output / name)
         self._count = 0
@@ -175,9 +189,7 @@ class RunWriter:
     def close(self) -> None:
         """Finish every file, and write the body as it is seen in images, where its clothes were followed."""
         self._stack.close()
-        if self._surfaces is not None:
-            seen = with_surfaces(self._model, self._surfaces)
-            dump_model(seen, self.output / BODY, f"{seen.name} as it was seen last, with its clothes. Units: meters, degrees.")
+        write_body(self.output, self._model, self._surfaces)
 
     def __enter__(self) -> RunWriter:
         return self

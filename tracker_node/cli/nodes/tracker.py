@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 
 from ..arguments.cameras import add_topics_argument, with_topics
 
@@ -50,6 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="keypoints.yaml: what a detector's points are on the body (default: BlazePose's)",
     )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FOLDER",
+        help="of the run: at the end body.yaml is written there, the body with its clothes, where points show them",
+    )  # fmt: skip
     parser.add_argument("--lossless", action="store_true", help="track every image set in order, however long it takes")
     parser.add_argument(
         "--wait-for",
@@ -92,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
         from ...ros.tracker.node import TrackerNode
         from ...ros.tracker.options import TrackerOptions
         from ...runs.config_file import load_config
+        from ...runs.writer import write_body
         from ...tracking.config import TrackerConfig
 
     rig, model = load_rig(args.rig), load_model(args.model)
@@ -122,6 +128,8 @@ def run(args: argparse.Namespace) -> int:
                 spin(node, stop, lambda: node.fatal is not None or node.state == FINALIZED)
         finally:
             node.close()
+            if args.output is not None:
+                write_body(args.output, model, node.surfaces)
             failure = failure or node.fatal
             node.destroy_node()
     if failure:

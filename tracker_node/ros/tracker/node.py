@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
+import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
@@ -69,6 +70,7 @@ class TrackerNode(ManagedNode):
         self._lossless, self._from_topics = bool(fixed["lossless"]), fixed["calibration"] == "camera_info"
         self._worker: TrackingWorker | None = None
         self._outputs: TrackerOutputs | None = None
+        self.surfaces: np.ndarray | None = None  # as the last estimate has them
         self._changes = 0  # of parameters, or lenses, that have come into effect
         self._builder = SetupBuilder(self.get_logger().error)
         self._again_s = 0.0  # steady time from which on a tracker that could not be made is tried again
@@ -280,6 +282,7 @@ class TrackerNode(ManagedNode):
 
     def _on_estimate(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         assert self._worker is not None and self._worker.rig is not None and self._outputs is not None
+        self.surfaces = estimate.surfaces
         self._outputs.publish(estimate, image_set, self._worker.rig)
         if self._worker.counts.tracked == 1:
             self.get_logger().info(f"first image set tracked {time.monotonic() - self._began_s:.2f} s after the start")
