@@ -24,6 +24,7 @@ REQUIREMENTS := $(patsubst %,requirements/%.txt,runtime ros build test docs)
 WHEELS := $(VENV)/.wheels-installed
 MSGS := $(VENV)/.msgs-installed
 PACKAGE := $(VENV)/.package-installed
+WEIGHTS := $(VENV)/.weights-asked-for
 MSGS_SOURCES := $(shell find msgs -type f -not -path '*/build/*')
 PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find config launch resource -type f 2>/dev/null)
 
@@ -32,7 +33,7 @@ PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find co
 help:  ## show this list
 	@grep -hE '^[a-z-]+:.*  ## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/' | expand -t 24
 
-setup: $(PACKAGE)  ## make .venv with the pinned packages, the interfaces and this package
+setup: $(PACKAGE) $(WEIGHTS)  ## make .venv with the pinned packages, the interfaces and this package
 
 check-system:
 	@"$(PYTHON)" tools/check_system.py
@@ -59,7 +60,13 @@ $(PACKAGE): $(MSGS) $(PACKAGE_SOURCES) tools/link_data_files.py
 	@$(RUN) tools/link_data_files.py
 	@touch $@
 
-demo: setup check-system  ## track a real recording of a person from end to end; results in out/demo
+# Once: without network everything but points of people works, and what needs them fetches their weights then.
+$(WEIGHTS): | $(PACKAGE)
+	@echo "Fetching the weights of the network that finds points of people (35 MB, kept in ~/.cache/tracker_node)"
+	@$(RUN) tools/fetch_weights.py
+	@touch $@
+
+demo: setup check-system  ## track a real recording of a person by contours and points; results in out/demo
 	@$(RUN) -m tracker_node.cli.main demo --output $(OUT)/demo
 
 # Two at once, each file's tests in one process, which makes what they share once.
