@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     if args.from_points:
         return _from_points(args)
     for option, value in _of_points(args).items():
-        check(value is None, option, "--from-points beside it", value)
+        check(value is None, option, "--from-points beside it", str(value))
     expected = "a TRC file, a stature with --stature, a recording with --from-points, or a run with --from-run"
     check(args.trc or args.stature, "--trc", expected)
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
@@ -168,7 +168,7 @@ def _finder(args: argparse.Namespace, rig, model, config, stream):
     if args.keypoints is None:
         check(args.keypoints_table is None, "--keypoints-table", "--keypoints beside it", "none")
         return PeopleDetection(rig, config, DetectionOptions(args.keypoints_weights)).with_people, BLAZEPOSE
-    check(args.keypoints_weights is None, "--keypoints-weights", "no --keypoints beside it", args.keypoints)
+    check(args.keypoints_weights is None, "--keypoints-weights", "no --keypoints beside it", str(args.keypoints))
     files = PointFiles(args.keypoints, args.keypoints_table)
     recorded = open_recorded_people(files, model, rig, rig, stream.image_numbers())
     return recorded.with_people, recorded.table
