@@ -139,16 +139,17 @@ def test_more_image_sets_tell_more(found, child) -> None:
         assert found.lengths[k].sigma < alone.lengths[k].sigma < prior[k]
 
 
-def test_the_person_where_cameras_look_is_taken() -> None:
-    changes, other = {"size": -0.2}, person({"size": 0.1})
-    body = person(changes)
+def test_of_two_people_the_one_where_cameras_look_or_near_a_place() -> None:
+    body, other = person({"size": -0.2}), person({"size": 0.1})
     both = zip(
         images_of(body, [standing(0.1, 0.0, 0.5, model=body)])[0],
         images_of(other, [standing(1.3, 0.6, 2.0, model=other)])[0], strict=True,
     )  # fmt: skip
-    fit = body_from_points(HUMAN, RIG, [[beside + own for own, beside in both]])
-    assert np.linalg.norm(fit.states[0].T_world_root[:2, 3] - [0.1, 0.0]) < 0.05
-    assert bone_errors_mm(fit.model, body).max() < 20.0 < bone_errors_mm(fit.model, other).max()
+    seen = [[beside + own for own, beside in both]]
+    for near, own, foreign in ((None, body, other), (np.array([1.2, 0.5, 1.0]), other, body)):
+        fit = body_from_points(HUMAN, RIG, seen, near=near)
+        assert np.linalg.norm(fit.states[0].T_world_root[:2, 3] - ([0.1, 0.0] if near is None else [1.3, 0.6])) < 0.05
+        assert bone_errors_mm(fit.model, own).max() < 20.0 < bone_errors_mm(fit.model, foreign).max()
 
 
 def test_points_that_nobody_has_seen(child) -> None:

@@ -67,9 +67,9 @@ class BodyFromPoints:
 
 def body_from_points(
     model: ArticulatedModel, rig: CameraRig, people: Sequence[PeopleSeen], table: KeypointTable = BLAZEPOSE,
-    config: TrackerConfig | None = None,
+    config: TrackerConfig | None = None, near: np.ndarray | None = None,
 ) -> BodyFromPoints:  # fmt: skip
-    """The body of the person whom most cameras see, nearest to where they look.
+    """The body of the person whom most cameras see, nearest to a place.
 
     Parameters
     ----------
@@ -78,6 +78,7 @@ def body_from_points(
     people : whom a detector has found, by image set and camera.
     table : what the detector's points are on the body.
     config : parameters of the points.
+    near : (3,) meters, world; None: where the cameras look.
 
     Returns
     -------
@@ -92,7 +93,7 @@ def body_from_points(
     choice = PersonChoice(rig, modality, PointStart(rig, model, KeypointFitting(model, config, modality)))
     rows, states, observed = [], [], []
     for row, seen in enumerate(people):
-        state = choice.find(seen)
+        state = choice.find(seen, near)
         if state is not None:
             modality.set_images((), state, None, choice.choose(seen, state))
             rows.append(row)

@@ -75,7 +75,7 @@ def test_few_sets_of_another_body_by_a_table(clip: Clip, tmp_path: Path, capsys:
     limbs = {name: LandmarkPoint(BLAZEPOSE[name].landmark, BLAZEPOSE[name].offset) for name in POINTS if name != "nose"}
     dump_keypoint_table(limbs, table, NAMES)
     config.write_text("modalities: [region, keypoints]\nkeypoints: {sigma_share: 0.01}\n")
-    more = ("--sets", "2", "--model", tall, "--keypoints-table", table, "--config", config, "--quiet")
+    more = ("--sets", "2", "--model", tall, "--keypoints-table", table, "--config", config, "--person", "0", "0", "1", "--quiet")
     assert calibrate(clip, tmp_path / "child.yaml", *more) == 0, capsys.readouterr().err
     told, found = capsys.readouterr(), load_model(tmp_path / "child.yaml")
     assert found.name == "anna" and told.err == "" and "points of 2 of 2 image sets" in told.out
@@ -108,6 +108,7 @@ def with_sources(clip: Clip, folder: Path, **sources: str | None) -> Path:
         (["--stature", "1.7"], "'--from-points': expected no --trc, --stature"),
         (["--from-run", "out/run"], "'--from-run': expected no --trc, --stature, --states or --from-points beside it"),
         (["--sets", "0"], "'--sets': expected a number of at least 1, got 0"),
+        (["--person", "1", "nan", "0"], "'--person': expected a place in meters"),
         (["--from-points", "none.yaml"], "none.yaml"),
         (["--keypoints", "nowhere"], "nowhere"),
         (["--keypoints-table", "none.yaml"], "none.yaml"),

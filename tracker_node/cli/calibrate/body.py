@@ -48,6 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     points.add_argument("--keypoints-table", type=Path, metavar="FILE", help="keypoints.yaml: what they are on the body")
     points.add_argument("--keypoints-weights", type=Path, metavar="FILE", help="weights of another size of the network")
+    points.add_argument(
+        "--person", nargs=3, type=float, metavar=("X", "Y", "Z"),
+        help="of several people, the one nearest to this place, meters (default: nearest to where the cameras look)",
+    )  # fmt: skip
     parser.add_argument("--asymmetric", action="store_true", help="keep differences between left and right")
     parser.add_argument(
         "--states",
@@ -114,6 +118,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _from_points(args: argparse.Namespace) -> int:
     """From the points of a recording's images."""
+    import numpy as np
+
     from ...calibration.body import model_stature
     from ...calibration.body_from_points import body_from_points
     from ...loaders.images.source import SourceOptions
@@ -129,6 +135,8 @@ def _from_points(args: argparse.Namespace) -> int:
     given = args.trc or args.stature or args.states or args.rig or args.report or args.asymmetric
     check(not given, "--from-points", "no --trc, --stature, --states, --rig, --report or --asymmetric beside it")
     check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
+    near = None if args.person is None else np.array(args.person)
+    check(near is None or np.isfinite(near).all(), "--person", "a place in meters", args.person)
     refuse_to_overwrite(args, args.output)
     model = load_model(args.model) if args.model else human_model()
     config = load_config(args.config) if args.config else TrackerConfig()
@@ -139,7 +147,7 @@ def _from_points(args: argparse.Namespace) -> int:
     for sentence in (*stream.errors, *stream.notes):
         print(f"calibrate body: {sentence}", file=sys.stderr)
     try:
-        fit = body_from_points(model, rig, people, table, config)
+        fit = body_from_points(model, rig, people, table, config, near)
     except TrackerError as error:
         raise FileFormatError(args.from_points, "(images)", "a person in two cameras at once", str(error)) from error
     name = Path(args.from_points).name
@@ -152,10 +160,11 @@ def _from_points(args: argparse.Namespace) -> int:
     return 0
 
 
-def _of_points(args: argparse.Namespace) -> dict[str, Path | None]:
+def _of_points(args: argparse.Namespace) -> dict[str, object]:
     """Options that only ``--from-points`` knows."""
     return {
         "--keypoints": args.keypoints, "--keypoints-table": args.keypoints_table, "--keypoints-weights": args.keypoints_weights,
+        "--person": args.person,
     }  # fmt: skip
 
 
