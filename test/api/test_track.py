@@ -87,3 +87,20 @@ def test_sources_and_cameras_of_a_recording_replace_those_of_its_rig(folder):
     recording = open_recording(path)
     assert recording.rig.names == ("cam01", "cam03")
     assert [Path(camera.source) for camera in recording.rig] == [folder / "cam01", folder / "cam03"]
+
+
+def test_where_points_come_from_and_whose_they_are_is_read_from_a_file(folder, tmp_path):
+    text = (folder / "recording.yaml").read_text()
+    for name in ("own.tflite", "table.yaml"):
+        (tmp_path / name).write_text("")
+    for part in ("rig.yaml", "model.yaml", "start.yaml"):
+        shutil.copy(folder / part, tmp_path)
+    file = tmp_path / "other.yaml"
+    file.write_text(f"{text}\nkeypoints: {{weights: own.tflite, every_sets: 2}}\nperson: [1, 2, 0.5]\n")
+    recording = open_recording(file)
+    assert (recording.detection.weights, recording.detection.every_sets) == (tmp_path / "own.tflite", 2)
+    assert recording.points is None and recording.person.tolist() == [1.0, 2.0, 0.5]
+    assert recording.named_options()["person"] == [1.0, 2.0, 0.5]
+    file.write_text(f"{text}\nkeypoints: {{files: own.tflite, table: table.yaml, first: 4}}\n")
+    points = open_recording(file).points
+    assert (points.path, points.table, points.first) == (tmp_path / "own.tflite", tmp_path / "table.yaml", 4)

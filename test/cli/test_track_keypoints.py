@@ -68,3 +68,18 @@ def test_places_where_no_person_can_be_looked_for(clip: Clip, tmp_path: Path, ca
     assert "'--person': expected a place in meters, got [nan, 0.0, 1.0]" in said(capsys)
     assert main([*arguments, "0", "0", "1"]) == 2
     assert "a person at a place (--person) is looked for, got an initial state beside it" in said(capsys)
+
+
+def test_a_recording_says_where_points_come_from(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """``track`` looks there, options given beside it go before; ``pipeline`` refuses what its graph does not have."""
+    given = dict(zip(clip.arguments()[::2], clip.arguments()[1::2], strict=True))
+    lines = [f"{name.removeprefix('--').replace('-', '_')}: {value}" for name, value in given.items()]
+    (tmp_path / "points").mkdir()
+    file = tmp_path / "recording.yaml"
+    file.write_text("\n".join([*lines, "output: run", "keypoints: {files: points}"]))
+    assert main(["track", str(file)]) == 2
+    assert f"{tmp_path}/points" in said(capsys)
+    assert main(["track", str(file), "--keypoints", str(tmp_path / "others")]) == 2
+    assert f"{tmp_path}/others" in said(capsys)
+    assert main(["pipeline", str(file)]) == 2
+    assert "recording.yaml: field 'keypoints.files': expected nothing: it is for tracker_node track" in said(capsys)

@@ -17,6 +17,8 @@ initial_state: ../start.yaml
 output: run
 cameras: [left, right]
 sources: videos/{name}.mp4
+keypoints: {files: points, table: table.yaml, first: 3, every_sets: 1}
+person: [1, 0.5, 1]
 images: {start: 3, end: 20, rate_hz: 50, resize: [320, 240]}
 record: {masks: true, overlays: true}
 real_time: false
@@ -28,8 +30,9 @@ evaluate: {truth: truth.trc, masks: masks.json, name: walk, image_sets: 17, targ
 def folder(tmp_path: Path) -> Path:
     folder = tmp_path / "recording"
     folder.mkdir()
-    for name in ("rig.yaml", "person.yaml", "truth.trc", "masks.json", "../start.yaml"):
+    for name in ("rig.yaml", "person.yaml", "truth.trc", "masks.json", "../start.yaml", "table.yaml"):
         (folder / name).write_text("")
+    (folder / "points").mkdir()
     return folder
 
 
@@ -48,6 +51,9 @@ def test_paths_begin_at_the_file(folder, monkeypatch):
     assert list(map(Path, recording.evaluate.truth)) == [folder / "truth.trc"]
     assert (recording.images.resize, recording.images.end, recording.cameras) == ((320, 240), 20, ("left", "right"))
     assert (recording.record.masks, recording.record.images, recording.evaluate.targets) == (True, False, ("mpjpe_mm<=60",))
+    points = recording.keypoints
+    assert (points.files, points.table, points.first) == (str(folder / "points"), str(folder / "table.yaml"), 3)
+    assert recording.person == (1.0, 0.5, 1.0)
     monkeypatch.chdir(folder.parent)
     assert load_recording("recording/recording.yaml").rig == "recording/rig.yaml"
 
@@ -85,6 +91,12 @@ MISTAKES = {
     "name: walk": ("name: ''", "evaluate.name", "a name"),
     "name: walk, ": ("name: walk, lag: fast, ", "evaluate.lag", "'auto' or a number of images"),
     ", image_sets: 17": (", lag: 2000, image_sets: 17", "evaluate.lag", "'auto' or a number of images"),
+    "files: points": ("files: nowhere", "keypoints.files", "an existing file"),
+    "table: table.yaml": ("table: points", "keypoints.table", "an existing file"),
+    "files: points, ": ("", "keypoints.table", "files beside it"),
+    "table: table.yaml, ": ("weights: w.tflite, ", "keypoints.weights", "either files or weights"),
+    "every_sets: 1": ("every_sets: 0", "keypoints.every_sets", "a whole number, 1 or more"),
+    "[1, 0.5, 1]": ("[1, 0.5]", "person", "a place: [x, y, z] in meters"),
     "cameras: [left, right]": ("cameras: []", "cameras", "at least 1"),
 }
 

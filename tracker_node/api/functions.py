@@ -64,6 +64,7 @@ def _tracked(recording: Recording, output: Path, progress: Progress | None) -> R
         source_options=recording.images,
         detection=recording.detection,
         points=recording.points,
+        person=recording.person,
         masks=recording.masks,
         masked_images=recording.masked_images,
         named_options=recording.named_options(),

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..camera.rig import CameraRig
 from ..errors import without_password
 from ..loaders.images.source import SourceOptions
@@ -37,6 +39,7 @@ class Recording:
     images : which images of the sources, at which rate and size.
     detection : how people are found in the images, where `keypoints` is among the modalities.
     points : files with the points of another detector, in whose place; None: none.
+    person : (3,) meters, world: of several people, the one there; None: the one nearest to where the cameras look.
     masks : record the body's silhouette in every camera, too.
     masked_images : record the images where the body is, the rest black, too.
     output : folder that ``recording.yaml`` names; None: none.
@@ -56,6 +59,7 @@ class Recording:
     images: SourceOptions = field(default_factory=SourceOptions)
     detection: DetectionOptions = field(default_factory=DetectionOptions)
     points: PointFiles | None = None
+    person: np.ndarray | None = None
     masks: bool = False
     masked_images: bool = False
     output: Path | None = None
@@ -88,6 +92,7 @@ class Recording:
             "keypoints": None if self.points is None else str(self.points.path.resolve()),
             "keypoints_table": None if self.points is None or self.points.table is None else str(self.points.table.resolve()),
             "keypoints_first": 0 if self.points is None else self.points.first,
+            "person": None if self.person is None else list(map(float, self.person)),
             "masks": self.masks,
             "masked_images": self.masked_images,
         }
@@ -116,7 +121,7 @@ def open_recording(path: str | Path) -> Recording:
     file = load_recording(path)
     rig, model = load_rig(file.rig), load_model(file.model)
     rig = with_sources(rig, file.sources_of(rig.names))
-    images = file.images
+    images, points = file.images, file.keypoints
     return Recording(
         rig=rig.subset(file.cameras) if file.cameras else rig,
         model=model,
@@ -124,11 +129,18 @@ def open_recording(path: str | Path) -> Recording:
         initial_state=load_state(file.initial_state, model) if file.initial_state else None,
         occluders=load_model(file.occluders) if file.occluders else None,
         images=SourceOptions(images.start, images.end, rate_hz=images.rate_hz, size=images.resize, shrink=images.shrink),
+        detection=DetectionOptions(_path(points.weights), points.every_sets),
+        points=None if points.files is None else PointFiles(Path(points.files), _path(points.table), points.first),
+        person=None if file.person is None else np.array(file.person),
         masks=file.record.masks,
         masked_images=file.record.masked_images,
         output=Path(file.output),
         files={name: str(Path(getattr(file, name)).resolve()) for name in FILES if getattr(file, name)},
     )
+
+
+def _path(name: str | None) -> Path | None:
+    return None if name is None else Path(name)
 
 
 def with_sources(rig: CameraRig, sources: Mapping[str, str]) -> CameraRig:

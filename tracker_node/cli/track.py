@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
 EXAMPLE = """tracker_node track --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
   tracker_node track recording.yaml --end 20 --output out/try"""
-BUILT_IN = {"start": 0, "shrink": 1, "source": [], "masks": False, "masked_images": False}
+BUILT_IN = {
+    "start": 0, "shrink": 1, "source": [], "masks": False, "masked_images": False, "keypoints_first": 0, "keypoints_every": 1,
+}  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import FileFormatError, SourceError
-from .file_model import RECORDING, FileModel, PositiveNumber, checked, is_number, problem, validate
+from .file_model import RECORDING, FileModel, PositiveNumber, are_numbers, checked, floats, is_number, problem, validate
 from .rig.rig_yaml import ImageSize, check_source
 from .source_address import filled, relocated, sources_by_name
 from .yaml_file import read_mapping
@@ -55,6 +55,9 @@ Positive = Annotated[int, checked("a whole number, 1 or more", lambda value: _is
 Sources = Annotated[str | dict[str, str], BeforeValidator(_sources)]
 Switch = Annotated[bool, checked("true or false", lambda value: isinstance(value, bool))]
 Lag = Annotated[str | float, checked(f"'auto' or a number of images, at most {MOST_LAG_IMAGES}", _is_lag)]
+Place = Annotated[
+    tuple[float, float, float], checked("a place: [x, y, z] in meters", lambda value: are_numbers(value, 3), floats)
+]
 Name = Annotated[str, checked("a name", lambda value: isinstance(value, str) and value.strip())]
 
 
@@ -73,6 +76,24 @@ class ImagesEntry(FileModel):
             raise problem(f"more than start, which is {self.start}", self.end, "end")
         if self.resize is not None and self.shrink > 1:
             raise problem("either resize or shrink", "both", "shrink")
+        return self
+
+
+class KeypointsEntry(FileModel):
+    """Where points of people come from; ``files`` with ``table`` and ``first`` are another detector's, else the network looks."""
+
+    files: str | None = None
+    table: str | None = None
+    first: Whole = 0
+    weights: str | None = None
+    every_sets: Positive = 1
+
+    @model_validator(mode="after")
+    def _one_detector(self) -> KeypointsEntry:
+        if self.files is None and self.table is not None:
+            raise problem("files beside it", "none", "table")
+        if self.files is not None and self.weights is not None:
+            raise problem("either files or weights", "both", "weights")
         return self
 
 
@@ -123,6 +144,8 @@ class RecordingFile(FileModel):
     cameras: tuple[str, ...] | None = Field(default=None, min_length=1)
     sources: Sources = Field(default_factory=dict)
     images: ImagesEntry = Field(default_factory=ImagesEntry)
+    keypoints: KeypointsEntry = Field(default_factory=KeypointsEntry)
+    person: Place | None = None
     record: RecordEntry = Field(default_factory=RecordEntry)
     real_time: Switch = False
     loop: Switch = False
@@ -156,6 +179,10 @@ def load_recording(path: str | Path) -> RecordingFile:
         changes["sources"] = relocated(recording.sources, base)
     else:
         changes["sources"] = {name: relocated(source, base) for name, source in recording.sources.items()}
+    points = recording.keypoints
+    changes["keypoints"] = points.model_copy(
+        update={name: _existing(path, f"keypoints.{name}", getattr(points, name)) for name in ("files", "table", "weights")}
+    )
     if recording.evaluate is not None:
         entry = recording.evaluate
         truth = tuple(_existing(path, "evaluate.truth", name) for name in entry.truth)
@@ -169,6 +196,6 @@ def _existing(recording: str | Path, field: str, name: str | None) -> str | None
     if name is None:
         return None
     file = os.path.join(Path(recording).parent, name)
-    if not os.path.isfile(file):
+    if not (os.path.isfile(file) or (field == "keypoints.files" and os.path.isdir(file))):
         raise FileFormatError(recording, field, "an existing file", file)
     return file

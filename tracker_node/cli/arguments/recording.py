@@ -103,9 +103,22 @@ def _values(recording: RecordingFile) -> dict[str, Any]:
         "rate": images.rate_hz,
         "resize": images.resize,
         "shrink": images.shrink,
+        **_points(recording),
         **recording.record.model_dump(),
         "real_time": recording.real_time,
         "loop": recording.loop,
+    }
+
+
+def _points(recording: RecordingFile) -> dict[str, Any]:
+    """Of people; ``keypoints`` are files, as `track` has them."""
+    entry = recording.keypoints
+    files = {"keypoints": entry.files, "keypoints_table": entry.table, "keypoints_weights": entry.weights}
+    return {
+        **{name: None if file is None else Path(file) for name, file in files.items()},
+        "keypoints_first": entry.first,
+        "keypoints_every": entry.every_sets,
+        "person": None if recording.person is None else list(recording.person),
     }
 
 

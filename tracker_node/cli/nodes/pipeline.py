@@ -16,6 +16,7 @@ from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments
 
 if TYPE_CHECKING:
+    from ...loaders.recording_yaml import RecordingFile
     from ...tracking.config import TrackerConfig
 
 SUMMARY = "run camera_ingest, tracker and recorder together, from cameras to a bag, and evaluate if a recording.yaml says so"
@@ -70,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
     from ...tracking.config import KEYPOINTS
 
     recording = fill_in(args, BUILT_IN)
+    if recording is not None:
+        _check_points(args, recording)
     if args.bag is None and args.output is not None:
         args.bag = args.output / "bag"
     rig = load_rig(args.rig)
@@ -138,6 +141,20 @@ def _checked_files(rig, args: argparse.Namespace) -> TrackerConfig:
         load_model(args.occluders)
     load_backgrounds(rig)
     return config
+
+
+def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:
+    """A graph has the points of its own detector, of whomever cameras look at.
+
+    Raises
+    ------
+    FileFormatError : the recording names others.
+    """
+    from ...errors import FileFormatError
+
+    for name, value in (("keypoints.files", recording.keypoints.files), ("person", recording.person)):
+        if value is not None:
+            raise FileFormatError(args.recording, name, "nothing: it is for tracker_node track", value)
 
 
 def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool) -> list[str] | None:
