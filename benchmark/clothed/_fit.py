@@ -1,10 +1,14 @@
-"""Tables of a clothed person, from training clips: offsets of a detector's points, and where surfaces are beside the shapes.
+"""Tables of people: offsets of a detector's points and where surfaces are beside the shapes, from training clips; lengths.
 
     python -m benchmark.clothed._fit DRAWN/clip_1 ... DRAWN/clip_8
 
 prints the rows of `tracker_node.model.humans.keypoints.BLAZEPOSE` and of `tracker_node.model.humans.surfaces`, means and standard
 deviations over the clips and both sides, of a body of the default size; and the spread of heat maps beside that of errors, which
 `observation.keypoints.blazepose` is calibrated by. Clips that anything is judged on have no part in it.
+
+    python -m benchmark.clothed._fit --lengths LENGTHS.csv
+
+prints those of `tracker_node.model.proportions`, of the people that ``person/_write_bodies.py --lengths`` has drawn.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from benchmark.clothed._runs import TOGETHER, settings
 from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE, relative_size
 from tracker_node.objective.lines.surfaces import N_UNKNOWNS, Surfaces
 from tracker_node.observation.image_set import ImageSet
@@ -30,6 +35,11 @@ from tracker_node.tracking.region.modality import RegionModality
 from tracker_node.tracking.tracker import Tracker
 
 _EVERY = 3  # image sets from one that is measured to the next
+_ENDS = (
+    ("left_shoulder", "left_elbow"), ("left_elbow", "left_wrist"), ("left_hip", "left_knee"), ("left_knee", "left_ankle"),
+    ("shoulder", "hip"), ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip"),
+)  # fmt: skip
+_LONG = [4, 2, 3]  # trunk, thigh and shank
 _WIDE_M = 0.04  # prior of the unknowns of a surface while they are measured
 
 
@@ -125,12 +135,51 @@ def both_sides(names: Sequence[str], values: np.ndarray, sideways: int) -> dict[
     return result
 
 
+def proportions(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of lengths of people over those of the default body of the same size, trunk and leg together: a line in the size.
+
+    Parameters
+    ----------
+    lengths : (n_people, 7) meters: upper arm, forearm, thigh, shank, trunk, shoulders, hips.
+
+    Returns
+    -------
+    Means and slopes (7,) of their logarithms by that of the size, and the covariance (7, 7) of what is left.
+    """
+    model = human_model()
+    places = dict(zip(model.landmark_names, Configuration(model, State.neutral(model)).landmarks_world, strict=True))
+    places |= {name: 0.5 * (places[f"left_{name}"] + places[f"right_{name}"]) for name in ("shoulder", "hip")}
+    default = np.array([np.linalg.norm(places[one] - places[other]) for one, other in _ENDS])
+    size = lengths[:, _LONG].sum(axis=1) / default[_LONG].sum()
+    logarithms = np.log(lengths / default / size[:, None])
+    by_size = np.column_stack([np.ones(len(size)), np.log(size)])
+    (means, slopes), *_ = np.linalg.lstsq(by_size, logarithms, rcond=None)
+    return means, slopes, np.cov((logarithms - by_size @ np.array([means, slopes])).T)
+
+
+def print_proportions(path: Path) -> None:
+    """Print the table of a file of lengths, as `tracker_node.model.proportions` has it."""
+    means, slopes, covariance = proportions(np.loadtxt(path, delimiter=",", skiprows=1))
+    for name, values in (("_MEANS", means), ("_SLOPES", slopes)):
+        print(f"{name} = np.array([{', '.join(f'{value:.3f}' for value in values)}])")
+    print("_COVARIANCE = 1e-4 * np.array([")
+    for row in 1e4 * covariance:
+        print(f"    [{', '.join(f'{value:.2f}' for value in row)}],")
+    print("])")
+
+
 def main() -> None:
-    """Print the tables of the clips named on the command line."""
+    """Print the tables of the clips named on the command line, or that of lengths."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], epilog="example: ... _fit out/clothed/clip_1")
-    parser.add_argument("clips", nargs="+", type=Path, metavar="DIR", help="folders of training clips")
+    parser.add_argument("clips", nargs="*", type=Path, metavar="DIR", help="folders of training clips")
+    parser.add_argument("--lengths", type=Path, metavar="FILE", help="of people, instead of clips")
     parser.add_argument("--cache", type=Path, default=Path("out/clothed/people.sqlite"), help="what the network has found")
     args = parser.parse_args()
+    if args.lengths:
+        print_proportions(args.lengths)
+        return
+    if not args.clips:
+        parser.error("expected folders of clips, or --lengths")
     people, offsets, errors, surfaces = KeptPeople(pose_weights(), args.cache), [], [], []
     for folder in args.clips:
         clip = load_clip(folder)

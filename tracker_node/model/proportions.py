@@ -13,9 +13,10 @@ import numpy as np
 
 from .shape_parameters import ShapeSpace
 
-# Over 300 bodies of anny (Brégier et al., 2025), drawn by `benchmark/clothed/person/_write_bodies.py --lengths`: logarithms of
-# lengths over those of the default body of the same size (trunk, thigh and shank together). Each is MEANS + SLOPES * (logarithm
-# of the size), with covariance COVARIANCE. The lengths of the Balancing clip's person, by another detector, lie within them.
+# Over 300 people of anny 0.6.2 (Brégier et al., Human Mesh Modeling for Anny Body, ECCV 2026): logarithms of lengths over those
+# of the default body of the same size (trunk, thigh and shank together). Each is MEANS + SLOPES * (logarithm of the size), with
+# covariance COVARIANCE. `benchmark/clothed/person/_write_bodies.py --lengths 300` draws them, `benchmark.clothed._fit --lengths`
+# prints this. The Balancing clip's person, by OpenPose's joints, lies within but for a trunk that is longer by 7 % (3.4 sigma).
 _ROWS = (
     ("length upper_arm",), ("length forearm",), ("length thigh",), ("length shank",),
     ("length pelvis", "length abdomen", "length torso"), ("length clavicle",), ("breadth pelvis y",),

@@ -3,11 +3,15 @@
 
 This program runs in an environment of its own; it imports nothing of this project. Bodies stand in body axes (x forward, y left,
 z up), soles at z = 0; the bones of anny are merged into the joints that motions turn.
+
+With ``--lengths N`` it draws N people instead, fat and thin, children and old, and writes how long their segments are:
+``python -m benchmark.clothed._fit --lengths FILE`` makes the table of `tracker_node.model.proportions` of them.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import sys
 from pathlib import Path
 
@@ -52,6 +56,18 @@ _LIMBS = {
 }
 _BODY_FROM_ANNY = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # anny: x left, y backward, z up
 _N_WEIGHTS = 4  # joints a vertex, at most
+_SEED = 1  # of the people who are drawn
+
+# Length -> the joints at its ends, the middle of both sides where a joint has no side.
+LENGTHS = {
+    "upper_arm": ("left_shoulder", "left_elbow"),
+    "forearm": ("left_elbow", "left_wrist"),
+    "thigh": ("left_hip", "left_knee"),
+    "shank": ("left_knee", "left_ankle"),
+    "trunk": ("shoulder", "hip"),
+    "shoulders": ("left_shoulder", "right_shoulder"),
+    "hips": ("left_hip", "right_hip"),
+}
 
 
 def joint_table() -> dict[str, tuple[str, tuple[str, ...]]]:
@@ -98,17 +114,13 @@ def body_arrays(model, phenotype: dict[str, float], stature: float) -> dict[str,
     -------
     Arrays by name; places in meters.
     """
-    rest = model(phenotype_kwargs=phenotype)
-    vertices = rest["rest_vertices"][0].numpy().astype(np.float64) @ _BODY_FROM_ANNY.T
-    bones = rest["rest_bone_heads"][0].numpy().astype(np.float64) @ _BODY_FROM_ANNY.T
+    vertices, bones = _at_rest(model, phenotype)
     scale = stature / np.ptp(vertices[:, 2])
     floor = np.array([0.0, 0.0, vertices[:, 2].min()])
     vertices, bones = (vertices - floor) * scale, (bones - floor) * scale
     labels, table = list(model.bone_labels), joint_table()
     joint_of_bone = _joint_of_bones(labels, list(model.bone_parents))
-    indices, weights = _strongest(
-        joint_of_bone, model.vertex_bone_indices.numpy(), model.vertex_bone_weights.numpy(), len(table)
-    )
+    indices, weights = _strongest(joint_of_bone, model.vertex_bone_indices.numpy(), model.vertex_bone_weights.numpy(), len(table))
     eyes = np.isin(model.vertex_bone_indices.numpy(), [labels.index("eye.L"), labels.index("eye.R")])
     return {
         "vertices": vertices,
@@ -121,6 +133,55 @@ def body_arrays(model, phenotype: dict[str, float], stature: float) -> dict[str,
     }
 
 
+def _at_rest(model, phenotype: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the vertices and of the bones' heads, meters, body axes."""
+    rest = model(phenotype_kwargs=phenotype)
+    vertices = rest["rest_vertices"][0].numpy().astype(np.float64) @ _BODY_FROM_ANNY.T
+    return vertices, rest["rest_bone_heads"][0].numpy().astype(np.float64) @ _BODY_FROM_ANNY.T
+
+
+def draw_phenotype(rng: np.random.Generator) -> dict[str, float]:
+    """What anny is asked for: a quarter children, two of five heavy."""
+    return {
+        "gender": float(rng.integers(0, 2)),
+        "age": float(rng.choice([rng.uniform(0.33, 0.5), rng.uniform(0.5, 1.0)], p=[0.25, 0.75])),
+        "muscle": rng.uniform(0.35, 0.95),
+        "weight": float(rng.choice([rng.uniform(0.2, 0.6), rng.uniform(0.6, 1.9)], p=[0.6, 0.4])),
+        "height": float(np.clip(rng.normal(0.5, 0.12), 0.2, 0.8)),
+        "proportions": rng.uniform(0.35, 0.7),
+    }
+
+
+def segment_lengths(model, phenotype: dict[str, float]) -> list[float]:
+    """The `LENGTHS` of a person.
+
+    Parameters
+    ----------
+    model : anny's.
+    phenotype : values between 0 and 1, weight beyond.
+
+    Returns
+    -------
+    Meters.
+    """
+    _, bones = _at_rest(model, phenotype)
+    labels = list(model.bone_labels)
+    joints = {name: bones[labels.index(held[0])] for name, (_, held) in joint_table().items()}
+    for name in ("shoulder", "hip"):
+        joints[name] = 0.5 * (joints[f"left_{name}"] + joints[f"right_{name}"])
+    return [float(np.linalg.norm(joints[one] - joints[other])) for one, other in LENGTHS.values()]
+
+
+def _write_lengths(path: Path, model, n_people: int) -> None:
+    rng = np.random.default_rng(_SEED)
+    with path.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(LENGTHS)
+        for _ in range(n_people):
+            writer.writerow([f"{length:.6f}" for length in segment_lengths(model, draw_phenotype(rng))])
+    print(f"wrote {path}")
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0],
@@ -128,6 +189,7 @@ def main(arguments: list[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--output", type=Path, default=Path("out/clothed/bodies"), metavar="FOLDER", help="default: %(default)s")
+    parser.add_argument("--lengths", type=int, metavar="N", help="write lengths.csv of N people who are drawn instead")
     args = parser.parse_args(arguments)
     import anny
     import torch
@@ -136,6 +198,9 @@ def main(arguments: list[str] | None = None) -> int:
     args.output.mkdir(parents=True, exist_ok=True)
     model = anny.Anny(rig="anny", topology="anny", extrapolate_phenotypes=True)
     with torch.no_grad():
+        if args.lengths:
+            _write_lengths(args.output / "lengths.csv", model, args.lengths)
+            return 0
         for name, (phenotype, stature) in BODIES.items():
             np.savez_compressed(args.output / f"{name}.npz", **body_arrays(model, phenotype, stature))
             print(f"wrote {args.output / name}.npz", flush=True)
