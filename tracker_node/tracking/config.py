@@ -61,8 +61,11 @@ class RegionConfig:
     samples_per_line: int = parameter(12, "contour samples per generator line", "", 2, 1000)
     half_length: int = parameter(10, "places on either side of the contour where it may be, per scale", "", 2, 20)
     scales: str = parameter(
-        "6 2 1", "pixels from place to place on the lines, from coarse to fine; less on small bodies", "px", 0.25, 100
-    )
+        "6 2 1",
+        "pixels from place to place on the lines, from coarse to fine; less on small bodies. Of three or more the first is tried"
+        " only where a limb is in doubt, on bodies with limbs and without points",
+        "px", 0.25, 100,
+    )  # fmt: skip
     first_scales: str = parameter("6 4 3 2 2 1 1", "the same on the first image set after a start or a reset", "px", 0.25, 100)
     wide_scales: str = parameter(
         "10 10 8 8 6 6 4 4 3 2 1", "then tried as well, and kept where more of the outline is found", "px", 0.25, 100

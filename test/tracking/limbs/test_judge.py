@@ -80,7 +80,24 @@ def test_a_start_that_is_nowhere_is_lost_at_once():
 def test_what_hangs_on_a_lost_trunk_is_lost():
     judge = LimbJudge(MODEL, StatusConfig())
     told(judge, evidence(), 10)
-    assert set(statuses(told(judge, evidence(trunk=0.1), 3))) == set(NAMES)
+    lost = evidence(trunk=0.1, left_forearm=0.2, left_shank=0.2)
+    assert set(statuses(told(judge, lost, 3))) == set(NAMES)
+
+
+@pytest.mark.parametrize(("found", "in_place"), [({}, True), ({"left_shank": 0.1}, True), ({"left_shank": None}, True),
+                                                 ({"left_shank": None, "right_shank": None}, False)])  # fmt: skip
+def test_a_trunk_before_a_wall_of_its_color_is_where_most_of_its_limbs_are_in_place(found, in_place):
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    reports = told(judge, evidence(trunk=0.03, **found), 4)
+    assert (reports["trunk"].status is LimbStatus.TRACKING) is in_place
+    assert (body_status(tuple(reports.values()))[0] is Status.LOST) is not in_place
+
+
+def test_a_trunk_that_no_camera_should_see_is_unseen_whatever_its_limbs_are():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 10)
+    assert told(judge, evidence(trunk=None))["trunk"].status is LimbStatus.UNSEEN
 
 
 def test_a_hidden_limb_is_unseen_and_less_and_less_certain():
@@ -156,7 +173,7 @@ def test_limbs_without_other_evidence_are_judged_by_outlines_alone():
     seen = evidence(left_shank=0.3, right_shank=None)
     told(one, seen)
     found = told_beside(other, seen, beside(left_forearm=1.5))
-    np.testing.assert_array_equal(np.delete(one.probabilities, 1), np.delete(other.probabilities, 1))
+    np.testing.assert_array_equal(one.probabilities[2:], other.probabilities[2:])  # the trunk's: see below
     assert other.probabilities[1] > one.probabilities[1] and found["right_shank"].status is LimbStatus.UNSEEN
     assert told_beside(other, seen, np.zeros(5))["right_shank"].status is LimbStatus.UNSEEN
 
@@ -242,6 +259,7 @@ def report(status, name="x"):
     [
         ("TTTTT", Status.TRACKING), ("TTTTD", Status.DEGRADED), ("TTLTT", Status.DEGRADED), ("TULTT", Status.DEGRADED),
         ("LTTTT", Status.LOST), ("TLLLT", Status.LOST), ("TLLTT", Status.DEGRADED), ("UUUUU", Status.LOST),
+        ("TTTLLL", Status.DEGRADED), ("TTLLLL", Status.LOST), ("TLLUT", Status.DEGRADED), ("TLLUU", Status.LOST),
         ("T", Status.TRACKING), ("L", Status.LOST), ("U", Status.LOST),
     ],
 )  # fmt: skip
@@ -323,7 +341,7 @@ def test_reports_in_words():
     assert vague.status is LimbStatus.LOST and vague.reason.startswith("its end may be elsewhere: known to ")
     sigma = judge.tip_sigmas(STATE, np.eye(MODEL.n_dof) * 0.2**2)[NAMES.index("left_shank")]
     assert vague.reason.endswith(f"{1e3 * sigma:.0f} mm")
-    trunk = told(judge, evidence(trunk=0.1), 3)
+    trunk = told(judge, evidence(trunk=0.1, left_forearm=0.1, right_shank=0.1), 3)
     assert trunk["left_shank"].reason == "the trunk is" and "10 % of its outline" in trunk["trunk"].reason
     assert 0 in judge.lost and judge.body_lost
 
@@ -397,7 +415,7 @@ def test_the_body_in_words():
         return body_status([report(kinds[letter], f"limb{i}") for i, letter in enumerate(letters)])[1]
 
     assert said("TLLLT") == "3 of 4 limbs that should be seen are lost"
-    assert said("TLLUT") == "2 of 3 limbs that should be seen are lost"
+    assert said("TLLUU") == "2 of 2 limbs that should be seen are lost"
     assert said("TLUUU") == "limb1 lost"  # one alone does not tell of the body
     assert said("TLDUD") == "limb1 lost" and said("TTDUD") == "limb2, limb4 uncertain" and said("TTTUU") == "limb3, limb4 unseen"
     assert said("LTTTT") == "limb0: why" and said("UUU") == "no camera sees the body where it is expected"

@@ -13,6 +13,7 @@ from tracker_node.tracking.estimate import Status
 
 SCENE = scene(3)
 TRUE = standing(SCENE.model, 0.05, -0.05, 0.4)
+AWAY_M = 0.25  # 17 pixels of 210 a meter, at three meters
 
 
 @pytest.fixture
@@ -59,3 +60,41 @@ def test_a_body_in_its_place_is_fitted_without_a_search(tracked):
     made, images = tracked
     made.observe(images, TRUE)
     assert not made.fit(TRUE, first=False).jumped
+
+
+def scales_tried(made: Engine, monkeypatch, start) -> list[tuple[float, ...]]:
+    """Scales of the lines of all fits of the whole body in the next image set, and that the last of them is near the truth."""
+    fitting, tried = made.solver._fitting, []
+    fit = fitting.fit
+
+    def noted(state, scales, *rest):
+        tried.append(tuple(scales))
+        return fit(state, scales, *rest)
+
+    monkeypatch.setattr(fitting, "fit", noted)
+    state = made.fit(start, first=False).state
+    off = Configuration(SCENE.model, state).landmarks_world - Configuration(SCENE.model, TRUE).landmarks_world
+    assert np.linalg.norm(off, axis=1).mean() < 0.03
+    return tried
+
+
+def test_the_coarsest_lines_are_left_out_while_no_limb_is_in_doubt(tracked, monkeypatch):
+    """On narrow limbs they find any stripe of the background that has the limb's color."""
+    made, images = tracked
+    made.observe(images, TRUE)
+    assert scales_tried(made, monkeypatch, TRUE) == [(2.0, 1.0)]
+
+
+def test_the_coarsest_lines_reach_a_body_that_has_moved_farther_than_fine_ones_do(tracked, monkeypatch):
+    made, images = tracked
+    away = standing(SCENE.model, 0.05 + AWAY_M, -0.05, 0.4)
+    made.observe(images, away)
+    fine = made.solver._fitting.fit(away, (2.0, 1.0), None, 2.0).state
+    assert np.linalg.norm(fine.T_world_root[:3, 3] - TRUE.T_world_root[:3, 3]) > 0.05
+    assert scales_tried(made, monkeypatch, away)[:2] == [(2.0, 1.0), (6.0, 2.0, 1.0)]
+
+
+@pytest.mark.parametrize("options", [{"limb_search.poses": 0}, {"region.scales": "4 1"}])
+def test_all_lines_are_drawn_where_limbs_are_not_searched_or_there_are_two_scales(options):
+    made = contour_engine(SCENE.rig, SCENE.model, from_dict(options), {}, Workers(1))
+    assert made.solver._scales == made.solver._all_scales

@@ -30,6 +30,7 @@ _LEAST = 1e-4  # probability that nothing is ever below
 _NOISE = 0.2  # share of the outline that is found anywhere
 _BESIDE = 1.0  # log odds by outlines that count at most where there is other evidence
 _CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set, that a limb that is seen has
+_LEAST_LIMBS = 3  # that are seen, to say where the trunk is
 _KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
 _START = 0.3  # probability of lost that a limb starts with
 
@@ -150,8 +151,21 @@ class LimbJudge:
         if self._levels is None:
             self._levels = self._first_levels(measures)
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
-        others = np.full(len(self.limbs), np.nan) if others is None else others
+        if others is None:
+            others = np.full(len(self.limbs), np.nan)
+            others[0] = self._trunk_by_limbs(measures)
         return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i])) for i in range(len(self.limbs)))
+
+    def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
+        """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
+
+        A trunk in clothes of the wall's colors has no outline that could be found, but limbs are not in place without it.
+        """
+        seen = sorted(self.odds(i, each) for i, each in enumerate(measures) if i and each is not None)
+        if measures[0] is None or len(seen) < _LEAST_LIMBS:
+            return math.nan
+        most = seen[len(seen) // 2]  # of an even number, the worse of the two in the middle
+        return most if most < 0.0 else math.nan
 
     def odds(self, i: int, measures: np.ndarray) -> float:
         """Log odds of a limb being lost, by one image set alone.
@@ -277,7 +291,10 @@ def is_noise(evidence: PartEvidence) -> bool:
 
 
 def body_status(reports: Sequence[LimbReport]) -> tuple[Status, str]:
-    """Of the whole body, and why: LOST with its trunk, or with more than half of the limbs seen; DEGRADED with any limb."""
+    """Of the whole body, and why: LOST with its trunk, or with most of its parts that are seen; DEGRADED with any limb.
+
+    The trunk is one of these: a person whose arms and head are lost stands where trunk and legs are.
+    """
     trunk, limbs = reports[0], reports[1:]
     lost = [limb for limb in limbs if limb.status is LimbStatus.LOST]
     unseen = [limb for limb in limbs if limb.status is LimbStatus.UNSEEN]
@@ -285,8 +302,9 @@ def body_status(reports: Sequence[LimbReport]) -> tuple[Status, str]:
         return Status.LOST, "no camera sees the body where it is expected"
     if trunk.status is LimbStatus.LOST:
         return Status.LOST, f"{trunk.name}: {trunk.reason}"
-    if len(limbs) - len(unseen) > 1 and 2 * len(lost) > len(limbs) - len(unseen):
-        return Status.LOST, f"{len(lost)} of {len(limbs) - len(unseen)} limbs that should be seen are lost"
+    seen = len(limbs) - len(unseen)
+    if seen > 1 and 2 * len(lost) > seen + 1:
+        return Status.LOST, f"{len(lost)} of {seen} limbs that should be seen are lost"
     for status, word in ((LimbStatus.LOST, "lost"), (LimbStatus.DEGRADED, "uncertain"), (LimbStatus.UNSEEN, "unseen")):
         named = [limb.name for limb in reports if limb.status is status]
         if named:

@@ -76,8 +76,11 @@ class Reacquisition(Solver):
         self._rig, self._model, self._region = rig, model, config.region
         self._judge, self._fitting, self._area = judge, fitting, area
         self._points = points
-        self._scales, self._interval_sets = numbers(config.region.scales), config.limb_search.interval_sets
+        self._all_scales, self._interval_sets = numbers(config.region.scales), config.limb_search.interval_sets
         self._search = LimbSearch(model, judge, config.limb_search)
+        self._scales = self._all_scales
+        if len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
+            self._scales = self._all_scales[1:]  # coarse lines find a narrow limb on any stripe of its color
         self.reset()
 
     def reset(self) -> None:
@@ -111,7 +114,7 @@ class Reacquisition(Solver):
 
     def _led_by_points(self, points: KeypointFitting, start: State, first: bool, prior: Prior | None) -> LineFit:
         """Lines from where the points have the body: no limb needs a search."""
-        scales = numbers(self._region.first_scales) if first else self._scales
+        scales = numbers(self._region.first_scales) if first else self._all_scales
         led = points.fit(start, first, prior).state
         return self._fitting.redrawn(self._fitting.fit(led, scales, prior, self._model_sigma_px))
 
@@ -126,8 +129,8 @@ class Reacquisition(Solver):
     def first(self, start: State, prior: Prior | None, model_sigma_px: float) -> LineFit:
         """The fit of a first image set.
 
-        Long lines reach a body that is far off, and mislead one that is near: both are tried, and the better is kept; then each
-        limb is tried elsewhere.
+        Long lines reach a body that is far off, and mislead one that is near: from short to long, those are kept by which clearly
+        more of the outline is found; then each limb is tried elsewhere.
 
         Parameters
         ----------
@@ -140,11 +143,12 @@ class Reacquisition(Solver):
         The best fit, with lines drawn about its state.
         """
         fitting, region = self._fitting, self._region
-        near = fitting.fit(start, numbers(region.first_scales), prior, model_sigma_px)
-        far = fitting.fit(start, numbers(region.wide_scales), prior, near.model_sigma_px)
-        if self._close_share(far) > self._close_share(near) + _CLEARLY:
-            return self._with_limbs_elsewhere(far, prior)
-        return self._with_limbs_elsewhere(fitting.redrawn(near), prior)
+        best = fitting.fit(start, self._scales, prior, model_sigma_px)
+        for scales in (region.first_scales, region.wide_scales):
+            other = fitting.fit(start, numbers(scales), prior, best.model_sigma_px)
+            if self._close_share(other) > self._close_share(best) + _CLEARLY:
+                best = other
+        return self._with_limbs_elsewhere(fitting.redrawn(best), prior)
 
     def _with_limbs_elsewhere(self, fit: LineFit, prior: Prior | None) -> LineFit:
         """The same with limbs where the colors speak for them, as long as the whole body gains by it."""
@@ -159,10 +163,13 @@ class Reacquisition(Solver):
 
     def _if_better(self, state: State, fit: LineFit, prior: Prior | None) -> LineFit | None:
         """The fit that begins at ``state``, where the colors gain more by it than by ``fit``."""
+        return self._better(self._fitting.fit(state, self._scales, prior, fit.model_sigma_px), fit)
+
+    def _better(self, other: LineFit, fit: LineFit) -> LineFit | None:
+        """``other``, where the colors gain more by it than by ``fit``."""
         everything = np.ones(len(self._model.shapes), dtype=np.bool_)
-        again = self._fitting.fit(state, self._scales, prior, fit.model_sigma_px)
-        old, new = self._area.gains(Poses.of([fit.state, again.state]), everything)[:, 0]
-        return again if new > old else None
+        old, new = self._area.gains(Poses.of([fit.state, other.state]), everything)[:, 0]
+        return other if new > old else None
 
     def improved(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
         """The fit of a later image set, with what is lost found again.
@@ -192,6 +199,11 @@ class Reacquisition(Solver):
         if not doubtful and not uncertain:
             return fit
         before = fit
+        if doubtful and self._scales is not self._all_scales:  # the longest lines reach what has moved far, or anything else
+            coarse = self._better(self._fitting.fit(start, self._all_scales, prior, fit.model_sigma_px), fit)
+            if coarse is not None:
+                fit, doubtful = coarse, self._doubtful(coarse)
+                before = fit  # begun where the body was expected: no jump
         if any(i not in lost for i in uncertain) or 0 in doubtful or len(doubtful) > 1:
             fit = self._with_trunk(fit, start, prior)
             doubtful = self._doubtful(fit)
