@@ -7,14 +7,6 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
-def test_cone_from_end_radii():
-    cone = TruncatedCone.from_end_radii(0.5, (0.1, 0.08), (0.05, 0.04))
-    assert np.isclose(cone.a * (1 + cone.k * cone.z2), 0.05)
-    assert np.isclose(cone.b * (1 + cone.k * cone.z2), 0.04)
-    with pytest.raises(ValueError, match="one ratio"):
-        TruncatedCone.from_end_radii(0.5, (0.1, 0.08), (0.05, 0.05))
-
-
 @pytest.mark.parametrize(("make", "message"), [
     (lambda: TruncatedCone(0.0, 0.1, 0.0, 0.0, 1.0), "a, b > 0"),
     (lambda: TruncatedCone(0.1, 0.1, 0.0, 1.0, 1.0), "z1 < z2"),

@@ -13,7 +13,7 @@ from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.parallel import Workers
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.initialization.detector import PoseDetector, body_size, find_start
+from tracker_node.tracking.initialization.detector import PoseDetector, body_size
 from tracker_node.tracking.initialization.pose_library import other_side, postures
 from tracker_node.tracking.limbs.tree import joint_groups
 from tracker_node.tracking.tracker import Tracker
@@ -43,8 +43,8 @@ def test_a_person_is_found_with_plates_twice_the_same():
     assert largest_error_m(SCENE.model, starts[0].state, WALKING) < 0.2
     assert starts[0].score > 0.7
     assert all(a.score >= b.score for a, b in pairwise(starts))
-    again = find_start(SCENE.rig, SCENE.model, images, SCENE.backgrounds, CONFIG.initialization)
-    np.testing.assert_array_equal(again[0].joint_positions, starts[0].state.joint_positions)
+    again = finder().find(images)
+    np.testing.assert_array_equal(again[0].state.joint_positions, starts[0].state.joint_positions)
 
 
 def test_a_tracker_without_an_initial_state_finds_the_person_and_follows():

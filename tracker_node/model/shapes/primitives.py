@@ -33,24 +33,6 @@ class TruncatedCone:
         if min(1 + self.k * self.z1, 1 + self.k * self.z2) <= 0:
             raise ValueError(f"expected 1 + k z > 0 on [z1, z2], got {self}")
 
-    @classmethod
-    def from_end_radii(cls, length: float, radii_start: tuple[float, float], radii_end: tuple[float, float]) -> TruncatedCone:
-        """Cone from z = 0 to ``length``.
-
-        Parameters
-        ----------
-        length : meters.
-        radii_start, radii_end : half-axes (along x, along y) at the ends, meters, in one ratio: the cone has one taper.
-
-        Returns
-        -------
-        Cone.
-        """
-        ratio = radii_end[0] / radii_start[0]
-        if abs(radii_end[1] / radii_start[1] - ratio) > 1e-6:
-            raise ValueError(f"expected end radii in one ratio to the start radii, got {radii_start} and {radii_end}")
-        return cls(radii_start[0], radii_start[1], (ratio - 1.0) / length, 0.0, length)
-
 
 @dataclass(frozen=True)
 class Ellipsoid:

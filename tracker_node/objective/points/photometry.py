@@ -27,7 +27,6 @@ from ..per_camera import serial
 _BLUR = 1.2  # px, before every halving
 _FINEST_BLUR = 0.7  # px
 _LEAST_SUM = 20.0  # of red, green and blue, for the intensity-normalized color of a dark pixel
-_MARGIN = 6  # px of a level around the body that its pyramid reaches
 
 
 @dataclass(frozen=True)

@@ -234,34 +234,6 @@ class PoseDetector:
         return [Start(poses.state(i), float(scores[i]) / total) for i in range(len(poses))]
 
 
-def find_start(
-    rig: CameraRig,
-    model: ArticulatedModel,
-    images: Images,
-    backgrounds: Mapping[str, np.ndarray | list] | None = None,
-    config: InitializationConfig | None = None,
-    around: State | None = None,
-) -> list[State]:
-    """States that a body may be in: `PoseDetector.find` for a single image set.
-
-    Parameters
-    ----------
-    rig, model : cameras and body.
-    images : BGR, of all cameras.
-    backgrounds : background images, by camera.
-    config : None: the defaults.
-    around : see `PoseDetector.find`.
-
-    Returns
-    -------
-    The likeliest first.
-    """
-    finder = PoseDetector(
-        rig, model, config or InitializationConfig(), backgrounds or {}, Workers(1)
-    )
-    return [start.state for start in finder.find(images, around)]
-
-
 def body_size(model: ArticulatedModel) -> float:
     """Length, meters, of the longest side of the box around the neutral body."""
     bounds = ShapeArrays.from_model(model).bounds
