@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from trimesh.creation import box, icosphere
 
-from tracker_node.geometry.quaternion import matrix_from_xyzw
+from tracker_node.geometry.so3 import matrix_from_xyzw
 from tracker_node.loaders.bag.reader import BagReader
 
 ROOT = Path(__file__).resolve().parents[1]

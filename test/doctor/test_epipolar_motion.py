@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.moving_balls import balls_rig
-from tracker_node.doctor.epipolar_motion import ImageMotion, agreement, agreements
+from tracker_node.doctor.motion import ImageMotion, agreement, agreements
 from tracker_node.geometry import se3, so3
 
 N = 30

@@ -9,7 +9,7 @@ from helpers.cameras.moving_balls import balls_rig
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.doctor import geometry as doctor
-from tracker_node.doctor.epipolar_motion import ImageMotion, agreements
+from tracker_node.doctor.motion import ImageMotion, agreements
 from tracker_node.doctor.setup import Setup
 from tracker_node.geometry import se3, so3
 

@@ -12,8 +12,8 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.doctor import report
 from tracker_node.doctor.diagnosis import Examination
-from tracker_node.doctor.epipolar_motion import ImageMotion
 from tracker_node.doctor.geometry import Diagnosis
+from tracker_node.doctor.motion import ImageMotion
 from tracker_node.doctor.recording import CameraRecording
 from tracker_node.doctor.setup import Finding, Setup
 

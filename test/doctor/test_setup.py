@@ -6,7 +6,7 @@ import pytest
 from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
-from tracker_node.doctor.epipolar_motion import ImageMotion, agreement
+from tracker_node.doctor.motion import ImageMotion, agreement
 from tracker_node.doctor.setup import Setup
 
 LENS = CameraModel(320, 240, np.array([[300.0, 0.0, 159.5], [0.0, 300.0, 119.5], [0.0, 0.0, 1.0]]))

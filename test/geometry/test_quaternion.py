@@ -4,7 +4,8 @@ from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from helpers.numeric.rotations import rotation_vectors
-from tracker_node.geometry import quaternion, so3
+from tracker_node.geometry import so3
+from tracker_node.geometry import so3 as quaternion
 
 
 @given(rotation_vectors)

@@ -11,7 +11,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
 from tracker_node.render.raycast.raycaster import render_view
-from tracker_node.studio.outlines import OutlineDrawer, handles_of, working_rig
+from tracker_node.studio.images import OutlineDrawer, handles_of, working_rig
 
 LARGE = CameraModel(1080, 1920, np.array([[1500.0, 0.0, 520.0], [0.0, 1500.0, 990.0], [0.0, 0.0, 1.0]]))
 

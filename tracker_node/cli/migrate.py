@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..runs.migration import migrate
+    from ..runs.config_file import migrate
 
     path = Path(args.file)
     output = Path(args.output) if args.output else path

@@ -1,6 +1,6 @@
 """Which change of the rig would make its cameras agree on where something moves.
 
-`epipolar_motion.agreement` says how well two cameras agree. Each way in which a rig can be wrong is tried out as a correction:
+`motion.agreement` says how well two cameras agree. Each way in which a rig can be wrong is tried out as a correction:
 two cameras exchanged, images mirrored, a clock shifted, a focal length, a place fitted. The correction that makes cameras agree
 best, the simpler of two that are alike, is the diagnosis; none, if nothing helps much. After it, what remains is examined again.
 """
@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from ..camera.rig import Camera
 from ..geometry import se3, so3
-from .epipolar_motion import LEAST_TIME_STEPS, ImageMotion, agreements
+from .motion import LEAST_TIME_STEPS, ImageMotion, agreements
 from .setup import Setup
 
 LEAST_GAIN = 0.012  # of agreement, after the price

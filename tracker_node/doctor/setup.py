@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..camera.rig import Camera
-from .epipolar_motion import ImageMotion, agreement
+from .motion import ImageMotion, agreement
 
 _FIT_TIME_STEPS = 40  # enough for a fit
 _NO_TRUST, _FULL_TRUST = 0.15, 0.5  # sines of the angle between the baseline and the line of sight

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from helpers.sources.tables import read_numbers
 from tracker_node.errors import FileFormatError
-from tracker_node.geometry import quaternion, so3
+from tracker_node.geometry import so3
+from tracker_node.geometry import so3 as quaternion
 from tracker_node.loaders.motion import trajectory_file as tf
 from tracker_node.loaders.motion.trajectory_file import dump_tum
 from tracker_node.model.kinematic_chain import ROOT_DOF_NAMES

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.objective.lines.distribution import fit_distributions
+from tracker_node.objective.lines.correspondence import fit_distributions
 from tracker_node.objective.lines.table import BEFORE, LOG_RATIO, LONGEST, MEAN, N_LINE_COLUMNS, N_PLAN_COLUMNS, PRECISION
 
 HALF = 6

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.objective.lines.inner_edges import N_SUM_COLUMNS, step_distribution
+from tracker_node.objective.lines.refinement import N_SUM_COLUMNS, step_distribution
 
 
 def step_image(place, angle, low=(60.0, 50.0, 90.0), high=(90.0, 70.0, 130.0), noise=4.0, seed=0):

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from tracker_node.errors import TrackerError
-from tracker_node.ros.bag.clock import BagTime
+from tracker_node.ros.bag.player import BagTime
 
 S = 1_000_000_000
 

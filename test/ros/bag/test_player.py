@@ -29,7 +29,7 @@ from tracker_node.loaders.bag.message_types import typestore  # noqa: E402
 from tracker_node.loaders.bag.metadata import OfferedQos  # noqa: E402
 from tracker_node.loaders.bag.reader import BagReader  # noqa: E402
 from tracker_node.loaders.bag.writer import BagWriter  # noqa: E402
-from tracker_node.ros.bag.clock import BagTime  # noqa: E402
+from tracker_node.ros.bag.player import BagTime  # noqa: E402
 from tracker_node.ros.conversions import stamp_ns_of  # noqa: E402
 
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)

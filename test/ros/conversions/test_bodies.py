@@ -11,7 +11,8 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from helpers.ros.samples import arm, some_estimate, some_state
-from tracker_node.geometry import quaternion, se3, so3
+from tracker_node.geometry import se3, so3
+from tracker_node.geometry import so3 as quaternion
 from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.palette import rgb_of

@@ -6,7 +6,7 @@ import pytest
 from helpers.cameras.small_clip import make_clip
 from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.studio import outlines
+from tracker_node.studio import images as outlines
 from tracker_node.studio.pose.bench import PoseBench
 from tracker_node.studio.session import StudioFiles, open_session
 

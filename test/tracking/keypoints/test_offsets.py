@@ -11,8 +11,7 @@ from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.model.humans.keypoints import BLAZEPOSE
 from tracker_node.objective.keypoints.correspondences import BodyPoints, PointsAt
 from tracker_node.tracking.config import KeypointConfig
-from tracker_node.tracking.keypoints.modality import KeypointModality
-from tracker_node.tracking.keypoints.offsets import PointOffsets
+from tracker_node.tracking.keypoints.modality import KeypointModality, PointOffsets
 
 RNG = np.random.default_rng(5)
 CONFIG = KeypointConfig(wobble_m=0.02, correlation_sets=4.0, least_offset_sigma_m=1e-4)

@@ -7,7 +7,7 @@ from helpers.bodies.bodies import crane
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.tracking.config import RegionConfig
-from tracker_node.tracking.region.line_errors import LineErrors
+from tracker_node.tracking.region.judge import LineErrors
 
 MODEL = crane()
 RIG = circle_rig(3, distortion=(0.0, 0.0, 0.0, 0.0))

@@ -8,7 +8,7 @@ from tracker_node.model.humans.measures import HumanMeasures
 from tracker_node.model.humans.surfaces import expected_surfaces
 from tracker_node.objective.lines.surfaces import SurfaceSums
 from tracker_node.tracking.config import KeypointConfig
-from tracker_node.tracking.region.surface import SurfaceFilter
+from tracker_node.tracking.region.modality import SurfaceFilter
 
 HUMAN = human_model()
 N = len(HUMAN.shapes)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError
-from ...geometry import quaternion
+from ...geometry import so3 as quaternion
 from ...loaders.motion.bvh import AXES_Y_UP, dump_bvh
 from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
 from ...loaders.motion.trajectory_file import dump_tum

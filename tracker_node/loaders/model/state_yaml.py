@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...errors import FileFormatError, ModelError
-from ...geometry import quaternion, se3
+from ...geometry import se3
+from ...geometry import so3 as quaternion
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, refuse_implausible
 from ..file_model import STATE, FileModel, Number, numbers, problem, validate

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError
-from ...geometry import quaternion
+from ...geometry import so3 as quaternion
 from ...model.kinematic_chain import N_ROOT_DOF
 from ..csv_file import CsvTable, CsvWriter, exact
 from ..whole_file import write_whole

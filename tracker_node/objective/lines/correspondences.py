@@ -24,8 +24,7 @@ from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import bodies_seen, camera_constants, cameras_by_body, serial
 from . import correspondence as kernel
-from .camera import correspond_camera, sum_camera
-from .evidence import N_EVIDENCE, count_evidence, line_residuals
+from .camera import N_EVIDENCE, correspond_camera, count_evidence, line_residuals, sum_camera
 from .surfaces import N_UNKNOWNS, Surfaces, SurfaceSums, sum_surfaces
 from .table import PRECISION, SHARP
 

@@ -18,7 +18,8 @@ from geometry_msgs.msg import Pose
 from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, Array, BasicType, NamespacedType
 
 from ...errors import TrackerError, UnknownNameError
-from ...geometry import quaternion, se3
+from ...geometry import se3
+from ...geometry import so3 as quaternion
 from ...loaders.bag.message_types import time_of
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...geometry import quaternion
+from ...geometry import so3 as quaternion
 from ...loaders.bag.message_types import time_of
 
 Content = Mapping[str, Any]

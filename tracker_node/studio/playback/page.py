@@ -28,8 +28,7 @@ from ...runs.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
 from ...runs.writer import STATES
 from ...tracking.estimate import LimbStatus, Status
 from ..endpoints import get, image, post
-from ..images import RecordedImages
-from ..outlines import OutlineDrawer
+from ..images import OutlineDrawer, RecordedImages
 from ..session import StudioSession, made_once
 
 _ROTATION = [3, 4, 5]  # columns of the root's rotation vector

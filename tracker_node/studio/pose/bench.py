@@ -34,7 +34,7 @@ from ...tracking.config import TrackerConfig
 from ...tracking.estimate import TrackEstimate
 from ...tracking.region.modality import line_options
 from ...tracking.tracker import Tracker
-from ..outlines import working_rig
+from ..images import working_rig
 from ..session import StudioSession
 
 _KEPT_SETS = 4

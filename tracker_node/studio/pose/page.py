@@ -22,7 +22,7 @@ from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF, Axis
 from ...optimize.levenberg_marquardt import clip_to_limits
 from ..endpoints import get, post
-from ..outlines import OutlineDrawer
+from ..images import OutlineDrawer
 from ..session import ExistsError, PoseFiles, StudioSession, made_once
 from .bench import PoseBench
 from .drag import MODES, Grip, drag
