@@ -118,6 +118,8 @@ NOT_RUN = (
            "test/cli/reproduce/test_experiments.py"),
     NotRun(r"tracker_node track .*--config points.yaml", "fetches the weights of a network from the package index", verb_parses,
            "test/cli/test_track_keypoints.py"),
+    NotRun(r"tracker_node calibrate body --from-points ", "fetches the weights of a network from the package index", verb_parses,
+           "test/cli/calibrate/test_body_from_points.py"),
     NotRun(r"tracker_node keypoints ", "fetches the weights of a network from the package index", verb_parses,
            "test/ros/keypoints/test_process.py"),
     NotRun(r"python benchmark/ros/soak.py ", "an hour; two minutes of it are a test", program_parses, "test/faults/test_soak.py"),
