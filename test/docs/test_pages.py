@@ -47,7 +47,7 @@ def test_examples_of_the_formats_are_valid(repository, tmp_path):
     assert state.joint_positions[human.chain.axis_index("left_knee_flexion")] > 0.3
     config = load_config(example(repository, tmp_path, "tracker.yaml", "yaml"))
     assert (config.region.inlier_px, config.limb_search.poses) == (3.0, 200)
-    for named in ("start.yaml", "person.yaml", "table.yaml", "truth.trc"):
+    for named in ("start.yaml", "person.yaml", "table.yaml", "truth.trc", "pose_landmark_heavy.tflite"):
         (tmp_path / named).touch()
     (tmp_path / "tracker.yaml").touch()
     (tmp_path / "masks.json").touch()
