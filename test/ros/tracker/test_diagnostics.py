@@ -28,4 +28,6 @@ def test_directions_that_images_do_not_tell_are_told_in_short():
     said = unobservable_in_short(names)
     assert len(said) < 200 and "20 directions" in said and "left_elbow_pronation_0" in said and "16 more" in said
     assert len(unobservable_in_short([*names, "root rotation about (0.00, 0.71, 0.71)"])) < 100
+    assert "of the root" in unobservable_in_short(["root_rz"])
+    assert "of the root" not in unobservable_in_short(["root_rz -0.60 torso_turn_left"])  # the pelvis within the body
     assert unobservable_in_short([]) == "the images tell every degree of freedom"

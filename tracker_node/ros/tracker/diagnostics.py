@@ -196,9 +196,14 @@ class TrackerDiagnostics:
             self._diagnostics.report("observability", OK, "not known: the images have no weight")
             return
         names = unobservable(latest.information, self._model)
-        whole = any(name.startswith("root") for name in names)
+        whole = any(map(_of_root, names))
         values = {f"unobservable {i + 1}": name for i, name in enumerate(names)}
         self._diagnostics.report("observability", WARN if whole else OK, unobservable_in_short(names), values)
+
+
+def _of_root(name: str) -> bool:
+    """Whether `unobservable` says this of the whole body; ``root_rz -0.60 torso_turn_left`` is of the parts within it."""
+    return name.startswith("root ") or (name.startswith("root_") and " " not in name)
 
 
 def unobservable_in_short(names: list[str]) -> str:
@@ -206,7 +211,7 @@ def unobservable_in_short(names: list[str]) -> str:
     if not names:
         return "the images tell every degree of freedom"
     directions = "1 direction" if len(names) == 1 else f"{len(names)} directions"
-    if any(name.startswith("root") for name in names):
+    if any(map(_of_root, names)):
         return f"the images do not tell {directions}, some of them of the root"
     first = list(dict.fromkeys(name.split()[0] for name in names))
     more = f" and {len(first) - _NAMED} more" if len(first) > _NAMED else ""
