@@ -5,13 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from benchmark.clothed._recording import JOINTS, LIMB_NAMES, ClothedClip
+from benchmark.clothed._people import KeptPeople
+from benchmark.clothed._recording import CHAINS, JOINTS, LIMB_NAMES, ClothedClip
 from benchmark.contour._runs import configured
+from tracker_node.calibration.body_from_points import body_from_points
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.observation.keypoints.people import People
 from tracker_node.tracking.config import TrackerConfig
@@ -21,6 +25,10 @@ from tracker_node.tracking.tracker import Tracker
 
 TOGETHER, POINTS, OWN_BODY, CONTOURS = "together", "points", "own_body", "contours"
 MODALITIES = {kind: ["region", "keypoints"] for kind in (TOGETHER, OWN_BODY)} | {POINTS: ["keypoints"], CONTOURS: ["region"]}
+
+OWN_BODY_SETS = 5
+BONES = tuple(pair for chain in CHAINS for pair in pairwise(chain))
+"""Joints of `JOINTS` at the ends of the eight bones of the limbs."""
 
 WithPeople = Callable[[Tracker, ImageSet], tuple[ImageSet, float]]
 """Puts people into an image set; and the milliseconds of the network."""
@@ -179,3 +187,30 @@ def with_given(image_set: ImageSet, people: Sequence[People | None]) -> ImageSet
     """The image set with these people, camera by camera."""
     images = (replace(image, people=each) for image, each in zip(image_set.images, people, strict=True))
     return replace(image_set, images=tuple(images))
+
+
+def with_own_body(clip: ClothedClip, people: KeptPeople) -> ClothedClip:
+    """The clip with a body made from its first image sets.
+
+    Parameters
+    ----------
+    clip : whose images are looked at.
+    people : finds people in them.
+
+    Returns
+    -------
+    The same but for the body.
+    """
+    seen = [
+        [people.find(np.ascontiguousarray(image.bgr), None).people for image in each.images]
+        for each in clip.sets(0, OWN_BODY_SETS)
+    ]
+    return replace(clip, model=body_from_points(human_model(), clip.rig, seen).model)
+
+
+def bone_error_mm(clip: ClothedClip, model: ArticulatedModel) -> float:
+    """Mean absolute error of the lengths of the eight bones of the limbs, against their mean lengths in the clip."""
+    places = Configuration(model, State.neutral(model)).landmarks_world[[model.landmark_index(joint) for joint in JOINTS]]
+    found = np.array([np.linalg.norm(places[a] - places[b]) for a, b in BONES])
+    true = np.array([np.linalg.norm(clip.truth_m[:, a] - clip.truth_m[:, b], axis=1).mean() for a, b in BONES])
+    return float(1e3 * np.abs(found - true).mean())

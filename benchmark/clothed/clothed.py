@@ -45,10 +45,20 @@ from benchmark.clothed._judged import (
     worst_joints,
     wrong_sets,
 )
-from benchmark.clothed._own_body import bone_error_mm, with_own_body
 from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import JOINTS, ClothedClip, default_folders, limbs_shown, load_clip
-from benchmark.clothed._runs import CONTOURS, OWN_BODY, POINTS, TOGETHER, Run, settings, track, without_people
+from benchmark.clothed._runs import (
+    CONTOURS,
+    OWN_BODY,
+    POINTS,
+    TOGETHER,
+    Run,
+    bone_error_mm,
+    settings,
+    track,
+    with_own_body,
+    without_people,
+)
 from benchmark.clothed._starts import Trial, starts
 from benchmark.contour._runs import WARM_UP, print_circumstances
 from tracker_node.errors import SourceError, TrackerError

@@ -160,7 +160,7 @@ class Alone:
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__,
-        epilog="example:\n  OMP_NUM_THREADS=1 python benchmark/clothed/balancing.py --json out/balancing_people.json",
+        epilog="example:\n  OMP_NUM_THREADS=1 python benchmark/contour/balancing_people.py --json out/balancing_people.json",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
