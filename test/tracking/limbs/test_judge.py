@@ -90,10 +90,7 @@ def test_a_trunk_before_a_wall_of_its_color_is_where_most_of_its_limbs_are_in_pl
     judge = LimbJudge(MODEL, StatusConfig())
     told(judge, evidence(), 10)
     reports = told(judge, evidence(trunk=0.03, **found), 4)
-    assert (reports["trunk"].status is LimbStatus.LOST) is not in_place
-    if in_place:  # and said to be no more than that
-        assert all(each.status is not LimbStatus.TRACKING for each in reports.values())
-        assert reports["trunk"].reason == reports["right_forearm"].reason == "the outline of the trunk is not found"
+    assert (reports["trunk"].status is LimbStatus.TRACKING) is in_place
     assert (body_status(tuple(reports.values()))[0] is Status.LOST) is not in_place
 
 

@@ -114,7 +114,6 @@ class LimbJudge:
         self.was_lost = self._levels is None or self.body_lost
         self.probabilities = np.full(len(self.limbs), _START)
         self._confirmed = np.ones(len(self.limbs), dtype=np.bool_)
-        self._trunk_alone: float | None = _START  # of the trunk, by its own outline; None: a detector says where it is
 
     @property
     def knows(self) -> bool:
@@ -155,10 +154,6 @@ class LimbJudge:
         if others is None:
             others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
-            if self._trunk_alone is not None:
-                self._trunk_alone = self._updated(self._trunk_alone, 0.0 if measures[0] is None else self.odds(0, measures[0]))
-        else:
-            self._trunk_alone = None
         return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i])) for i in range(len(self.limbs)))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
@@ -171,21 +166,6 @@ class LimbJudge:
             return math.nan
         most = seen[len(seen) // 2]  # of an even number, the worse of the two in the middle
         return most if most < 0.0 else math.nan
-
-    @property
-    def _trunk_is_seen(self) -> bool:
-        """A trunk that limbs alone have in place may be anywhere that looks like it, with them: nothing of it is TRACKING."""
-        return self._trunk_alone is None or self._trunk_alone < self._config.limb_degraded
-
-    def _later(self, p: float) -> float:
-        """The probability of lost, a step of time later."""
-        return p * (1.0 - self._config.limb_recovery) + (1.0 - p) * self._config.limb_loss
-
-    def _updated(self, p: float, odds: float) -> float:
-        """The same with evidence of some log odds."""
-        p, limit = self._later(p), self._config.evidence_limit
-        odds = min(max(odds, -limit), limit)
-        return min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
 
     def odds(self, i: int, measures: np.ndarray) -> float:
         """Log odds of a limb being lost, by one image set alone.
@@ -219,32 +199,32 @@ class LimbJudge:
         return tuple(LimbReport(limb.name, LimbStatus.UNSEEN, "in no image", float(p)) for limb, p in paired)
 
     def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float, others: float) -> LimbReport:
-        config, limb, before, pointed = self._config, self.limbs[i], float(self.probabilities[i]), not math.isnan(others)
+        config, limb, before = self._config, self.limbs[i], self.probabilities[i]
+        p = before * (1.0 - config.limb_recovery) + (1.0 - before) * config.limb_loss
         elsewhere = _beyond(LOST_TIP_M, sigma_m)
         if i > 0:  # what hangs on a lost trunk is lost, whatever it happens to lie on
             elsewhere = max(elsewhere, float(self.probabilities[0]))
         self.shares[i] = np.nan if measures is None else self._shares_of(i, measures)
         outline = 0.0 if measures is None else self.odds(i, measures)
-        if i > 0 and pointed:
+        if i > 0 and not math.isnan(others):
             self._confirmed[i] = others + max(outline, -_BESIDE) <= _CONFIRMED and sigma_m <= _KNOWN_M
-        others = others if pointed else 0.0
+        others = 0.0 if math.isnan(others) else others
         if measures is None and not others:
-            self.probabilities[i] = p = self._later(before)
+            self.probabilities[i] = p
             return LimbReport(limb.name, LimbStatus.UNSEEN, "hidden, or in no image", 1.0 - (1.0 - p) * (1.0 - elsewhere))
         if others:  # which limb it is they know; how much of an outline is found depends on clothes and walls
             outline = float(np.clip(outline, -_BESIDE, _BESIDE))
-        self.probabilities[i] = p = self._updated(before, outline + others)
-        confirmed = self._confirmed[i] and self._trunk_is_seen
-        if p < config.limb_degraded and measures is not None and confirmed:
+        odds = float(np.clip(outline + others, -config.evidence_limit, config.evidence_limit))
+        p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
+        self.probabilities[i] = p
+        if p < config.limb_degraded and measures is not None and self._confirmed[i]:
             assert self._levels is not None
             self._levels[i] = np.maximum(self._levels[i] + _LEVEL_RATE * (measures - self._levels[i]), _LEAST_LEVELS)
         probability = 1.0 - (1.0 - p) * (1.0 - elsewhere)
         status, reason = self._status(probability), ""
-        if status is LimbStatus.TRACKING and not confirmed:
+        if status is LimbStatus.TRACKING and not self._confirmed[i]:
             status, reason = LimbStatus.DEGRADED, "hidden, or not where a detector guesses it"
-            if not self._trunk_is_seen:
-                reason = "the outline of the trunk is not found"
-            elif sigma_m > _KNOWN_M:
+            if sigma_m > _KNOWN_M:
                 reason = f"its end is known to {1e3 * sigma_m:.0f} mm"
         elif status is not LimbStatus.TRACKING:
             reason = "its points are elsewhere"
