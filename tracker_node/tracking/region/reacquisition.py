@@ -79,7 +79,7 @@ class Reacquisition(Solver):
         self._all_scales, self._interval_sets = numbers(config.region.scales), config.limb_search.interval_sets
         self._search = LimbSearch(model, judge, config.limb_search)
         self._scales = self._all_scales
-        if len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
+        if points is None and len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
             self._scales = self._all_scales[1:]  # coarse lines find a narrow limb on any stripe of its color
         self.reset()
 
