@@ -9,9 +9,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from .arguments.cameras import image_size
+from .arguments.person import add_person_argument, place_of_person
 from .arguments.recording import add_recording_argument, evaluate_recording, fill_in
 from .arguments.runs import named_options, nothing_tracked
 from .nodes.camera_ingest import named_source
@@ -90,10 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--keypoints-weights", type=Path, metavar="FILE",
         help="weights of the network that finds points, such as pose_landmark_heavy.tflite (default: full, which is fetched)",
     )  # fmt: skip
-    points.add_argument(
-        "--person", nargs=3, type=float, metavar=("X", "Y", "Z"),
-        help="of several people, the one nearest to this place, meters (default: nearest to where the cameras look)",
-    )  # fmt: skip
+    add_person_argument(points)
     points.add_argument(
         "--keypoints-every", type=int, default=1, metavar="N", help="look for people in every N-th image set (default: 1)"
     )
@@ -141,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
             detection=_detection(args),
             points=_points(args),
             table=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table and args.from_run_bag else None,
-            person=_person(args),
+            person=place_of_person(args),
             masks=args.masks,
             masked_images=args.masked_images,
             named_options=named_options(args),
@@ -203,16 +199,6 @@ def _detection(args: argparse.Namespace) -> DetectionOptions:
         return DetectionOptions(args.keypoints_weights, args.keypoints_every)
     except ValueError:
         raise FileFormatError("command line", "--keypoints-every", "a whole number, 1 or more", args.keypoints_every) from None
-
-
-def _person(args: argparse.Namespace) -> np.ndarray | None:
-    from ..errors import FileFormatError
-
-    if args.person is None:
-        return None
-    if not all(map(math.isfinite, args.person)):
-        raise FileFormatError("command line", "--person", "a place in meters", args.person)
-    return np.array(args.person)
 
 
 def _lag(seconds: float | None) -> float | None:

@@ -112,6 +112,8 @@ def with_sources(clip: Clip, folder: Path, **sources: str | None) -> Path:
         (["--from-points", "none.yaml"], "none.yaml"),
         (["--keypoints", "nowhere"], "nowhere"),
         (["--keypoints-table", "none.yaml"], "none.yaml"),
+        (["--joint-sigma-mm", "2"], "'--joint-sigma-mm': expected --trc beside it, got 2.0"),
+        (["--only", "girth"], "'--only': expected --from-run beside it, got ['girth']"),
         (["--keypoints-weights", "own.tflite"], "'--keypoints-weights': expected no --keypoints beside it"),
         (["--model", "none.yaml"], "none.yaml"),
         (["--config", "none.yaml"], "none.yaml"),

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from ...errors import FileFormatError, TrackerError
+from ..arguments.person import add_person_argument, place_of_person
 from ..arguments.run_images import add_run_arguments, evidence_of, load_run_images, refuse_to_overwrite
 
 GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
@@ -48,10 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     points.add_argument("--keypoints-table", type=Path, metavar="FILE", help="keypoints.yaml: what they are on the body")
     points.add_argument("--keypoints-weights", type=Path, metavar="FILE", help="weights of another size of the network")
-    points.add_argument(
-        "--person", nargs=3, type=float, metavar=("X", "Y", "Z"),
-        help="of several people, the one nearest to this place, meters (default: nearest to where the cameras look)",
-    )  # fmt: skip
+    add_person_argument(points)
     parser.add_argument("--asymmetric", action="store_true", help="keep differences between left and right")
     parser.add_argument(
         "--states",
@@ -118,8 +116,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _from_points(args: argparse.Namespace) -> int:
     """From the points of a recording's images."""
-    import numpy as np
-
     from ...calibration.body import model_stature
     from ...calibration.body_from_points import body_from_points
     from ...loaders.images.source import SourceOptions
@@ -134,9 +130,10 @@ def _from_points(args: argparse.Namespace) -> int:
 
     given = args.trc or args.stature or args.states or args.rig or args.report or args.asymmetric
     check(not given, "--from-points", "no --trc, --stature, --states, --rig, --report or --asymmetric beside it")
+    check(args.joint_sigma_mm is None, "--joint-sigma-mm", "--trc beside it", args.joint_sigma_mm)
+    check(args.only is GROUPS, "--only", "--from-run beside it", args.only)
     check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
-    near = None if args.person is None else np.array(args.person)
-    check(near is None or np.isfinite(near).all(), "--person", "a place in meters", args.person)
+    near = place_of_person(args)
     refuse_to_overwrite(args, args.output)
     model = load_model(args.model) if args.model else human_model()
     config = load_config(args.config) if args.config else TrackerConfig()
