@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -104,16 +104,6 @@ class Judge(Protocol):
         -------
         Of all cameras.
         """
-        ...
-
-
-@runtime_checkable
-class Clothed(Protocol):
-    """A modality that follows where surfaces are."""
-
-    @property
-    def surfaces(self) -> np.ndarray | None:
-        """See `Engine.surfaces`."""
         ...
 
 
@@ -288,7 +278,7 @@ class Engine(AnyEngine):
 
     @property
     def surfaces(self) -> np.ndarray | None:
-        return next((modality.surfaces for modality in self.modalities if isinstance(modality, Clothed)), None)
+        return next((modality.surfaces for modality in self.modalities if modality.surfaces is not None), None)
 
     def reset(self) -> None:
         for modality in self.modalities:

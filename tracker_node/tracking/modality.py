@@ -26,6 +26,11 @@ class Modality(Protocol):
     ``lessons`` are how often, and how, it learns from the first image set: after each but the last the body is fitted.
     """
 
+    @property
+    def surfaces(self) -> np.ndarray | None:
+        """(n_shapes, 4) meters: where the surface of each part is beside its shape; None where that is not followed."""
+        return None
+
     def reset(self) -> None:
         """Forget everything learned."""
         ...

@@ -97,7 +97,7 @@ class RegionModality(Modality):
 
     @property
     def surfaces(self) -> np.ndarray | None:
-        """(n_shapes, 4) meters: where the surface of each part is beside its shape; None where that is not followed."""
+        """See `Modality.surfaces`; followed while points hold the joints."""
         return None if self._surfaces is None else self._surfaces.surfaces.means
 
     def reset(self) -> None:
