@@ -191,13 +191,11 @@ class _Problem:
     def _of_set(self, configuration: Configuration, offsets: np.ndarray, observed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of one image set, of shape, offsets and its state."""
         places, R = self._places(configuration, offsets), configuration.Ts_world_link[self._links, :3, :3]
-        v, w = configuration.twists[:, :3], configuration.twists[:, 3:]
-        moves = (v[None] + np.cross(w[None], places[:, None])) * configuration.model.chain.link_moved_by[self._links][:, :, None]
         by_offset = np.zeros((len(places), 3, offsets.size))
         for k in range(len(places)):
             by_offset[k, :, 3 * k : 3 * k + 3] = R[k]
         by_shape = landmarks_D_shape(self.space, configuration)[self._landmarks]
-        J = np.concatenate([by_shape, by_offset, moves.swapaxes(1, 2)], axis=2)
+        J = np.concatenate([by_shape, by_offset, configuration.point_jacobian(places, self._links)], axis=2)
         n = J.shape[2]
         H, g = np.zeros((n, n)), np.zeros(n)
         for camera, seen in zip(self._rig, observed.swapaxes(0, 1), strict=True):

@@ -126,10 +126,23 @@ class Configuration:
 
     def landmark_jacobian(self) -> np.ndarray:
         """landmarks_D_state (n_landmarks, 3, n_dof)."""
+        return self.point_jacobian(self.landmarks_world, self.model.landmark_links)
+
+    def point_jacobian(self, points: np.ndarray, links: np.ndarray) -> np.ndarray:
+        """Derivative of points on links by the tangent of the state.
+
+        Parameters
+        ----------
+        points : (n, 3) meters, world.
+        links : (n,) indices of the links that carry them.
+
+        Returns
+        -------
+        (n, 3, n_dof).
+        """
         v, w = self.twists[:, :3], self.twists[:, 3:]
-        points = self.landmarks_world
         columns = v[None] + np.cross(w[None], points[:, None, :])  # (n, n_dof, 3)
-        columns *= self.model.chain.link_moved_by[self.model.landmark_links][:, :, None]
+        columns *= self.model.chain.link_moved_by[links][:, :, None]
         return np.swapaxes(columns, 1, 2)
 
 

@@ -135,9 +135,7 @@ def _focus(rig: CameraRig) -> np.ndarray:
 def _mobility(model: ArticulatedModel, body: BodyPoints) -> np.ndarray:
     """(n,) meters: how far each point moves as the joints go through their ranges, on the root."""
     chain, neutral = model.chain, State.neutral(model)
-    places, configuration = body.places(neutral), Configuration(model, neutral)
-    v, w = configuration.twists[:, :3], configuration.twists[:, 3:]
-    moved = np.linalg.norm(v[None] + np.cross(w[None], places[:, None]), axis=2) * chain.link_moved_by[body.links]
+    moved = np.linalg.norm(Configuration(model, neutral).point_jacobian(body.places(neutral), body.links), axis=1)
     ranges = np.minimum(chain.upper - chain.lower, np.pi)
     return np.sqrt(((moved[:, N_ROOT_DOF:] * ranges) ** 2).sum(axis=1))
 
