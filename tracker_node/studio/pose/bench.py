@@ -158,7 +158,7 @@ class PoseScorer(Protocol):
         ...
 
 
-class ContourScore:
+class ContourScore(PoseScorer):
     """Scores poses of one body in the images of one rig.
 
     Colors are learned in the very pose that is scored, as an engine does that is started there, so a pose has one score, whatever
@@ -185,17 +185,7 @@ class ContourScore:
             self._rooms.append(RegionBackground(known, background.sigma, background.learning_rate, background.body_margin_px))
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
-        """Fraction of the outline that is found.
-
-        Parameters
-        ----------
-        state : of the body.
-        images : (h, w, 3) uint8 BGR by camera; cameras without one do not count.
-
-        Returns
-        -------
-        The total is that of all samples.
-        """
+        """Fraction of the outline that is found. The total is that of all samples."""
         region = self._config.region
         lines = self._drawer.draw(self._views(state, images), state, 1.0, region.model_sigma_px)
         return self._scored(lines.at(state).part_evidence(region.inlier_px))
@@ -232,7 +222,7 @@ def _fraction(close: float, expected: float) -> float | None:
     return float(close / expected) if expected >= _LEAST_OUTLINE else None
 
 
-class ColorScore:
+class ColorScore(PoseScorer):
     """Scores poses of a body whose parts have stated colors."""
 
     name = "colors agree"
@@ -246,17 +236,7 @@ class ColorScore:
         )
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
-        """Agreement of the colors.
-
-        Parameters
-        ----------
-        state : of the body.
-        images : (h, w, 3) uint8 BGR by camera; cameras without one do not count.
-
-        Returns
-        -------
-        The total is that of the median camera, as for the engine.
-        """
+        """Agreement of the colors. The total is that of the median camera, as for the engine."""
         found = agreement_of(self._painted, self._rig, [images.get(c.name) for c in self._rig], state, self._options)
         cameras = tuple(
             CameraScore(camera.name, finite(value), int(pixels))
