@@ -89,12 +89,12 @@ def told(estimates: list[TrackEstimate]) -> str:
 
 
 def followed(config: TrackerConfig) -> str:
-    """A person before four cameras, two with an image of the background: an arm is lost at first, the whole body for two sets."""
+    """A person before four cameras, two with an image of the background: an arm is lost at first, the whole body for four sets."""
     clip = recording()
     n_known = 4 if config.colors or config.chamfer.silhouette == "background" else 2
     backgrounds = {name: clip.backgrounds[name] for name in clip.rig.names[:n_known]}
     tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, backgrounds, displaced(clip))
-    sets = [blank(s) if i in (6, 7) else staggered(s) if i % 2 else s for i, s in enumerate(clip.sets)]
+    sets = [blank(s) if 6 <= i < 10 else staggered(s) if i % 2 else s for i, s in enumerate(clip.sets)]
     return told([tracker.step(image_set) for image_set in sets[: 9 if config.colors else None]])
 
 
