@@ -19,10 +19,10 @@ _LIMIT = 6.0  # log odds of one point
 
 
 def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Limb], body_px: float) -> np.ndarray:
-    """Log odds of each limb being lost, by its worst point that is seen by two cameras, or by one.
+    """Log odds of each limb being lost, by its worst point that is seen by two cameras.
 
     A point of a limb that is elsewhere is somewhere around; one that is in place has the residual that its covariance says, or is
-    an outlier in either case.
+    an outlier in either case. Points of one camera alone can speak against a limb, not for it: its depth may be mirrored.
 
     Parameters
     ----------
@@ -51,5 +51,5 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
         own = limb.links[points.body.links] & seen.any(axis=1)
         if own.any():
             several = own & (seen.sum(axis=1) >= 2)
-            result[i] = by_point[several if several.any() else own].max()
+            result[i] = by_point[several].max() if several.any() else max(by_point[own].max(), 0.0)
     return result
