@@ -92,6 +92,10 @@ setup(
     license="Apache-2.0",
     keywords=["motion capture", "markerless", "pose tracking", "multi-camera", "biomechanics", "ROS 2"],
     classifiers=CLASSIFIERS,
+    project_urls={  # what is public: a repository has no address yet
+        "Paper (extremal contours)": "https://doi.org/10.1007/11612032_67",
+        "License": "https://www.apache.org/licenses/LICENSE-2.0",
+    },
     maintainer="tracker_node maintainers",
     maintainer_email="tracker_node@example.org",
     python_requires=">=3.11,<3.13",

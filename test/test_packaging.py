@@ -60,6 +60,8 @@ def test_citation_has_what_the_format_asks_for(repository: Path) -> None:
     assert found["license"] == setup_keyword(repository, "license")
     assert [author["name"] for author in found["authors"]] == [setup_keyword(repository, "maintainer")]
     assert isinstance(found["version"], str) and all(isinstance(word, str) for word in found["keywords"])
+    papers = [f"https://doi.org/{paper['doi']}" for paper in found["references"] if "doi" in paper]
+    assert len(found["references"]) == 2 and set(papers) <= set(setup_keyword(repository, "project_urls").values())
 
 
 def test_classifiers_are_of_the_pythons_that_are_supported(repository: Path) -> None:
