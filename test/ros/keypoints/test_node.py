@@ -54,7 +54,8 @@ class Bench:
         self.points = {name: probe.listen(Keypoints, f"{name}/keypoints") for name in CAMERAS}
         ends = [*self.images.values(), self.crops]
         probe.spin_until(lambda: all(end.get_subscription_count() for end in ends), "subscriptions of the node")
-        probe.spin_until(self.node._listened_to, "our subscriptions")
+        heard = [*self.node._points_of.values()]
+        probe.spin_until(lambda: all(each.get_subscription_count() for each in heard), "our subscriptions")
         probe.until_known("keypoints")
 
     def send(self, i: int) -> None:
@@ -122,6 +123,19 @@ def test_where_it_is_lossless_no_set_is_left_out(build, probe):
     probe.spin_until(lambda: len(bench.points["cam1"]) == 6, "points of all sets")
     assert stamps(bench.points["cam1"]) == [i * PERIOD_NS for i in range(1, 7)]
     assert bench.node._sets.dropped == 0
+
+
+def test_no_set_is_looked_at_before_all_subscribers_that_are_waited_for_are_there(build, probe):
+    bench = build(lossless=True, wait_for_subscribers=2)
+    for i in range(1, 4):
+        bench.send(i)
+        bench.sets(i)
+    probe.spin_until(lambda: bench.part().message == "waiting for subscribers", "a report")
+    assert not bench.detector.searched
+    others = {name: probe.listen(Keypoints, f"{name}/keypoints") for name in CAMERAS}
+    heard = [*bench.points.values(), *others.values()]
+    probe.spin_until(lambda: all(len(each) == 3 for each in heard), "points of all sets for everybody")
+    assert stamps(others["cam2"]) == [i * PERIOD_NS for i in range(1, 4)] and bench.node._sets.dropped == 0
 
 
 def test_it_searches_around_the_body_and_elsewhere_where_nobody_is_there(build, probe):

@@ -126,8 +126,8 @@ def test_points_of_an_image_that_is_forgotten_are_too_old(bench):
 
 def waited_s(bench, i: float, cameras=("cam",), given_up=lambda: False) -> float:
     """How long the points of the image set i are waited for."""
-    image, began_s = CameraImage("cam", round(i * PERIOD_NS), PIXELS), time.monotonic()
-    bench.matching.wait(ImageSet(image.stamp_ns, (image,)), cameras, given_up)
+    stamp_ns, began_s = round(i * PERIOD_NS), time.monotonic()
+    bench.matching.wait(ImageSet(stamp_ns, tuple(CameraImage(name, stamp_ns, PIXELS) for name in cameras)), given_up)
     return time.monotonic() - began_s
 
 
@@ -144,9 +144,17 @@ def test_an_image_that_the_detector_has_left_out_is_not_waited_for(bench):
     assert [bench.track(i) for i in (5, 6)] == [None, 6]
 
 
-def test_nothing_is_waited_for_where_no_detector_looks_or_nobody_wants_it(bench):
-    assert waited_s(bench, 5, cameras=("other",)) < 0.1
+def test_nothing_is_waited_for_where_nobody_wants_it(bench):
     assert waited_s(bench, 5, given_up=lambda: True) < 0.1
+
+
+def test_a_camera_without_points_is_waited_for_once_whatever_the_others_have(bench, monkeypatch):
+    monkeypatch.setattr(point_matching, "_PATIENCE_S", 0.3)
+    bench.put(5)
+    assert waited_s(bench, 5, cameras=("cam", "other")) >= 0.3
+    bench.put(6)
+    assert waited_s(bench, 6, cameras=("cam", "other")) < 0.1
+    assert waited_s(bench, 7, cameras=("cam", "other")) >= 0.3  # the one that has sent some
 
 
 def test_a_detector_that_sends_nothing_is_waited_for_once(bench, monkeypatch):

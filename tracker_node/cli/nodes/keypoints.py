@@ -37,6 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--lossless", action="store_true", help="look at every image set in order, for a lossless tracker")
     parser.add_argument(
+        "--wait-for-subscribers", type=int, default=0, metavar="N", help="begin when the points of each camera have N of them"
+    )
+    parser.add_argument(
         "--tracker", default="tracker", metavar="NODE", help="node whose crops say where to search (default: tracker; '': none)"
     )
     parser.add_argument("--config", metavar="FILE", help="tracker parameters: how images are matched (default: built in)")
@@ -92,6 +95,7 @@ def run(args: argparse.Namespace) -> int:
         compressed=args.compressed,
         rate_hz=args.rate,
         lossless=args.lossless,
+        wait_for_subscribers=args.wait_for_subscribers,
         niceness=args.niceness,
     )
     with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:

@@ -43,6 +43,8 @@ class KeypointsOptions:
     compressed : subscribe to JPEG images.
     rate_hz : at most so many image sets a second; 0: as many as possible.
     lossless : look at every image set, in order, instead of the newest.
+    wait_for_subscribers : to the points of each camera, before the first image set is looked at: reliable messages are lost, too,
+        before a publisher knows its subscriber.
     niceness : of the thread that detects.
     """
 
@@ -54,6 +56,7 @@ class KeypointsOptions:
     compressed: bool = False
     rate_hz: float = 0.0
     lossless: bool = False
+    wait_for_subscribers: int = 0
     niceness: int = NICENESS
 
 
@@ -82,6 +85,7 @@ class KeypointsNode(GuardedNode):
             for camera in options.cameras
         }  # fmt: skip
         self._crops: tuple[int, Mapping[str, Crop]] = (0, {})
+        self._waits = options.wait_for_subscribers > 0
         if options.tracker:
             self.create_subscription(Crops, f"{options.tracker}/crops", self._take_crops, LIVE_IMAGES)
         self.worker = DetectionWorker(
@@ -109,7 +113,9 @@ class KeypointsNode(GuardedNode):
         return crops if abs(stamp_ns - crops_ns) <= _CROPS_NS else {}
 
     def _listened_to(self) -> bool:
-        return any(publisher.get_subscription_count() for publisher in self._points_of.values())
+        counts = [publisher.get_subscription_count() for publisher in self._points_of.values()]
+        self._waits = self._waits and min(counts) < self._options.wait_for_subscribers
+        return any(counts) and not self._waits
 
     def _publish(self, images: list[CameraImage]) -> None:
         """All cameras at once, so that a tracker has them together."""
@@ -153,4 +159,6 @@ class KeypointsNode(GuardedNode):
             return WARN, "no image sets"
         if not self._sets.formed:
             return OK, "waiting for images"
-        return (OK, "detecting") if self._listened_to() else (OK, "nobody listens: no image is searched")
+        if self._listened_to():
+            return OK, "detecting"
+        return OK, "waiting for subscribers" if self._waits else "nobody listens: no image is searched"

@@ -31,6 +31,7 @@ from ..conversions import bgr_of_compressed, decode_raw_image
 from ..diagnostics import QosMismatches
 from ..qos import images_subscribed, overridable
 
+_LOOK_S = 0.02  # between looks at who listens
 _REMEMBERED = 50  # image sets that times are of
 _MOST_WAITING = 64  # image sets, where none is to be left out: as many as a source sends ahead of the tracker
 
@@ -79,7 +80,7 @@ class DetectionWorker:
     on_people : called in the thread with the images of a set, with their people.
     rate_hz : at most so many sets a second; 0: as many as possible.
     niceness : 0 to 19, on top of the process's own.
-    wanted : whether anybody listens.
+    wanted : whether somebody listens; until then no set is taken.
     on_error : called with what a detector has raised.
 
     Attributes
@@ -141,8 +142,11 @@ class DetectionWorker:
             if wait_s > 0.0:
                 self._stopping.wait(min(wait_s, 0.1))
                 continue
+            if not self._wanted():
+                self._stopping.wait(_LOOK_S)
+                continue
             image_set = self._sets.take(timeout_s=0.1)
-            if image_set is None or not self._wanted():
+            if image_set is None:
                 continue
             due_s = time.monotonic() + self._period_s
             self._work(detector, image_set)

@@ -64,10 +64,6 @@ class KeypointInbox:
             if camera not in self._subscriptions:
                 self._subscriptions[camera] = self._subscribed(camera)
 
-    def detected(self) -> list[str]:
-        """Cameras of which a detector sends points."""
-        return [camera for camera, subscription in self._subscriptions.copy().items() if subscription.get_publisher_count()]
-
     def _subscribed(self, camera: str) -> Subscription:
         topic = f"{camera}/keypoints"
         events = self._mismatches.of_subscription(f"points of {camera}", topic)

@@ -115,7 +115,6 @@ class TrackerNode(ManagedNode):
             initial_state=options.initial_state or State.neutral(options.model),
             lossless=self._lossless,
             points=points,
-            detected=self._keypoints.detected,
             on_error=self.get_logger().error,
         )
         self._tracker_diagnostics = TrackerDiagnostics(self._diagnostics, options.model)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from ...observation.image_set import CameraImage, ImageSet
@@ -42,6 +42,7 @@ class _Lane:
     had_ns: deque[int] = field(default_factory=lambda: deque(maxlen=64))
     counts: Counter[str] = field(default_factory=Counter)
     problem: str = ""
+    silent: bool = False  # a wait was in vain, and no points have come since
 
 
 class PointMatching:
@@ -56,7 +57,6 @@ class PointMatching:
         self._tolerance_ns = round(1e9 * image_period_s)
         self._lock = threading.Condition()
         self._lanes: dict[str, _Lane] = {}
-        self._silent = False  # a wait was in vain, and no points have come since
 
     def counts(self) -> dict[str, Counter[str]]:
         """Camera -> what became of its points, and how many wait."""
@@ -79,9 +79,9 @@ class PointMatching:
         camera, detected : of one image.
         """
         with self._lock:
-            self._silent = False
             self._lock.notify_all()
             lane = self._lane(camera)
+            lane.silent = False
             if detected.stamp_ns in lane.had_ns:
                 lane.counts[DUPLICATE] += 1
                 return
@@ -90,24 +90,28 @@ class PointMatching:
             if len(lane.waiting) > _MOST_WAITING:
                 self._drop(lane, min(lane.waiting), TOO_OLD if lane.images_ns else UNMATCHED)
 
-    def wait(self, image_set: ImageSet, cameras: Collection[str], given_up: Callable[[], bool]) -> None:
+    def wait(self, image_set: ImageSet, given_up: Callable[[], bool]) -> None:
         """Wait until the points of a set have come, or cannot come any more.
 
-        A detector that sends points of a later image has left this one out. One that sends none at all is waited for once.
+        A detector that sends points of a later image has left this one out. One that sends none of a camera is waited for once:
+        which detectors there are is not asked, since a publisher may be discovered later than its first message is due.
 
         Parameters
         ----------
         image_set : the next one to be tracked.
-        cameras : of which a detector sends points.
         given_up : whether nobody wants the set any more.
         """
-        awaited = [image for image in image_set.images if image.camera in cameras]
         until_s = time.monotonic() + _PATIENCE_S
         with self._lock:
-            while not self._silent and not given_up():
-                if all(max(self._lane(image.camera).had_ns, default=-1) >= image.stamp_ns for image in awaited):
+            while not given_up():
+                lanes = [(self._lane(image.camera), image.stamp_ns) for image in image_set.images]
+                awaited = [lane for lane, ns in lanes if not lane.silent and max(lane.had_ns, default=-1) < ns]
+                if not awaited:
                     return
-                self._silent = time.monotonic() > until_s
+                if time.monotonic() > until_s:
+                    for lane in awaited:
+                        lane.silent = True
+                    return
                 self._lock.wait(_LOOK_S)
 
     def saw(self, image: CameraImage) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import time
 import traceback
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 
 import numpy as np
 
@@ -43,8 +43,7 @@ class TrackingWorker:
     initial_state : what is said of the body, together with that it is lost, when image sets fail before any was tracked.
     lossless : every image set is tracked, in order; otherwise only the newest two of those that wait, and the others are
         counted: one that came late is made up for, a tracker that is too slow does not fall behind.
-    points : of a detector, for the image sets; None: none are used.
-    detected : cameras of which a detector sends points, for which a lossless worker waits.
+    points : of a detector, for the image sets, for which a lossless worker waits; None: none are used.
 
     Attributes
     ----------
@@ -63,13 +62,12 @@ class TrackingWorker:
         initial_state: State,
         lossless: bool = False,
         points: PointMatching | None = None,
-        detected: Callable[[], Collection[str]] = tuple,
         on_error: Callable[[str], None] = lambda text: None,
     ):
         self._inbox, self._setup, self._on_estimate = inbox, setup, on_estimate
         self._initial_state, self._lossless, self._on_error = initial_state, lossless, on_error
         self._thread = CommandThread(lambda: inbox.take(timeout_s=0.1), inbox.wake, self._handle, self._finish, self._on_end)
-        self._finishing, self._points, self._detected, self._newest_ns = False, points, detected, 0
+        self._finishing, self._points, self._newest_ns = False, points, 0
         self._requests = StartRequests()
         self._loop = TrackingLoop(setup.tracker)
         self._not_yet: list[Received] = []
@@ -278,7 +276,7 @@ class TrackingWorker:
             if image_set.stamp_ns < self._newest_ns:
                 self._points.restart()
             if self._lossless:
-                self._points.wait(image_set, self._detected(), self._ends)
+                self._points.wait(image_set, self._ends)
             image_set = self._points.attached(image_set)
         self._newest_ns = image_set.stamp_ns
         request, began = loop.request, time.perf_counter()
