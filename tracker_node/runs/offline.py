@@ -152,10 +152,16 @@ def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, Im
 
 def _detection_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> PeopleDetection | None:
     """What finds people; None where no points are compared, or where the run that is made again has recorded its own."""
-    recorded = run.from_run and reader is not None and bool(reader.topics_of_type(KEYPOINTS_MESSAGE))
+    recorded = run.from_run and reader is not None and _had_points(reader)
     if KEYPOINTS not in run.config.modalities or recorded:
         return None
     return PeopleDetection(rig, run.config, run.detection)
+
+
+def _had_points(reader: BagReader) -> bool:
+    """Whether the run of a bag compared points: live, perhaps without any that came."""
+    modalities = run_info(reader.path).get("parameters", {}).get("modalities", ())
+    return KEYPOINTS in modalities or bool(reader.topics_of_type(KEYPOINTS_MESSAGE))
 
 
 def _recorded_of(run: OfflineRun, rig: CameraRig, stream: ImageSetStream) -> RecordedPeople | None:

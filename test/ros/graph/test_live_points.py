@@ -69,7 +69,7 @@ def used(state) -> list[tuple[str, int]]:
 
 @pytest.mark.parametrize("pace", [[], ["--real-time"]])
 def test_a_live_run_with_points_is_made_again_bit_for_bit(arguments: list[str], tmp_path: Path, start, pace: list[str]) -> None:
-    arguments = [*arguments, *(["--rate", "12"] if pace else [])]
+    arguments = [*arguments, *(["--rate", "6", "--end", "80"] if pace else [])]  # time for the detector, also on a busy machine
     pipeline = start("pipeline", *arguments, "--bag", str(tmp_path / "live/bag"), *pace)
     assert pipeline.process.wait(240) == 0, pipeline.text
     again = ["track", *arguments, "--from-run-bag", str(tmp_path / "live/bag"), "--output", str(tmp_path / "again"), "--quiet"]

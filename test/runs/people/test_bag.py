@@ -1,5 +1,6 @@
 """People in the bag of a run: what was found is kept, and the states are made again from it bit for bit."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -105,6 +106,15 @@ def test_a_run_without_points_is_tracked_again_with_a_detector(clip: Clip, tmp_p
     options = DetectionOptions(make=lambda: detector)
     tracked(clip, tmp_path / "again", bag=tmp_path / "contours/bag", from_run=True, detection=options)
     assert len(detector.asked) == 3 * N_IMAGES
+
+
+def test_a_run_to_which_no_points_came_is_made_again_without_any(clip: Clip, tmp_path: Path) -> None:
+    config = replace(load_config(clip.config_file), modalities=("region",))
+    tracked(clip, tmp_path / "live", config=config)
+    summary = json.loads((tmp_path / "live/run.json").read_text())
+    summary["parameters"]["modalities"].append("keypoints")  # as of a live run whose detector was too slow
+    (tmp_path / "live/run.json").write_text(json.dumps(summary))
+    assert "detection" not in again(clip, tmp_path / "again", tmp_path / "live")
 
 
 def bag_of_images(clip: Clip, path: Path, broken: tuple[str, ...] = ()) -> Path:
