@@ -182,3 +182,21 @@ def test_command_line_does_not_import_ros() -> None:
     pytest.importorskip("tracker_node.cli.main")
     program = "import sys, tracker_node.cli.main; sys.exit('rclpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False, timeout=120).returncode == 0
+
+
+def attributes(tree: ast.ClassDef) -> set[str]:
+    """What a class assigns to itself, and its annotated fields."""
+    names = {node.target.id for node in tree.body if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)}
+    stored = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store))
+    return names | {node.attr for node in stored if isinstance(node.value, ast.Name) and node.value.id == "self"}
+
+
+def test_classes_of_tracking_that_act_stay_small(repository: Path) -> None:
+    """Frozen dataclasses are records and may be wide; a class whose state changes has at most 15 attributes."""
+    acting = {}
+    for file in (repository / "tracker_node/tracking").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ClassDef) and not any("frozen=True" in ast.unparse(each) for each in node.decorator_list):
+                acting[f"{file.stem}.{node.name}"] = len(attributes(node))
+    assert acting["tracker.Tracker"] > 1 and acting["reacquisition.Reacquisition"] > 1
+    assert not {name: count for name, count in acting.items() if count > 15}

@@ -169,7 +169,8 @@ def test_every_package_has_a_contract_of_its_inside(repository):
     contracts = tomllib.loads((repository / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     inside = {each["containers"][0] for each in contracts if each["name"] == f"Inside {each.get('containers', [''])[0][13:]}"}
     packages = {f"tracker_node.{folder.parent.name}" for folder in (repository / "tracker_node").glob("*/__init__.py")}
-    assert packages <= inside
+    assert packages | {f"tracker_node.tracking.{name}" for name in ("color", "keypoints", "region")} <= inside
+    assert all(each.get("exhaustive") for each in contracts if each["type"] == "layers"), "a module may be in no layer"
 
 
 def test_every_package_says_what_lives_there_and_where_to_begin(repository):

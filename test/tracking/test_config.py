@@ -18,8 +18,9 @@ from tracker_node.tracking.config import (
     from_dict,
     updated,
 )
+from tracker_node.tracking.migration import migrated
 from tracker_node.tracking.parameters import numbers, value_of
-from tracker_node.tracking.renamed import RENAMED, migrated
+from tracker_node.tracking.renamed import RENAMED
 
 DESCRIBED = describe()
 MODALITIES = {POINTS_BESIDE: ["region", "keypoints"], ALONE: ["color"], MIXED: ["color", "region"], JOINT: ["color", "region"]}

@@ -19,7 +19,7 @@ from ..loaders.rig.rig_yaml import RigFile
 from ..loaders.whole_file import read_text, write_whole
 from ..loaders.yaml_file import read_mapping
 from ..tracking.config import TrackerConfig, flatten, from_dict
-from ..tracking.renamed import migrated
+from ..tracking.migration import migrated
 
 
 def load_config(path: str | Path, node: str = "tracker") -> TrackerConfig:

@@ -47,8 +47,8 @@ RENAMED: dict[str, str] = {
 }
 """Dotted name in version 0.1 -> dotted name now."""
 
-_CHOICES = ("engine", "evidence.kind")  # these and the representations below are `modalities` now
-_REPRESENTATIONS = {"affine": "texture", "scene": "color_over_background"}
+CHOICES = ("engine", "evidence.kind")  # these and the representations below are `modalities` now
+REPRESENTATIONS = {"affine": "texture", "scene": "color_over_background"}
 
 
 def refuse_renamed(values: Mapping[str, Any], source: str) -> None:
@@ -63,12 +63,12 @@ def refuse_renamed(values: Mapping[str, Any], source: str) -> None:
     ------
     FileFormatError : naming the present name.
     """
-    for name, value in _flat(values).items():
+    for name, value in flat(values).items():
         if name in RENAMED:
             raise FileFormatError(
                 source, name, f"its present name, {RENAMED[name]} (`tracker_node migrate` rewrites files)", value
             )
-        if name in _CHOICES or (name == "color.representation" and value in _REPRESENTATIONS):
+        if name in CHOICES or (name == "color.representation" and value in REPRESENTATIONS):
             raise FileFormatError(
                 source,
                 name,
@@ -77,50 +77,22 @@ def refuse_renamed(values: Mapping[str, Any], source: str) -> None:
             )
 
 
-def migrated(values: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Parameters of version 0.1 under their present names, and those of modalities that they do not choose.
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Dotted name -> value.
 
     Parameters
     ----------
-    values : nested or dotted.
+    values : mapping, nested or dotted.
+    prefix : of all names.
 
     Returns
     -------
-    values, dropped : dotted name -> value; names as given that had no effect.
+    dict[str, object].
     """
-    from .config import TrackerConfig, describe, from_dict
-
-    old = _flat(values)
-    if "modalities" in old:
-        return old, []
-    new: dict[str, Any] = {RENAMED.get(name, name): value for name, value in old.items() if name not in _CHOICES}
-    if new.get("chamfer.silhouette") == "plate":
-        new["chamfer.silhouette"] = "background"
-    engine, kind = str(old.get("engine", "contour")), str(old.get("evidence.kind", "region"))
-    representation = str(old.get("color.representation", "blend"))
-    colors = _REPRESENTATIONS.get(representation, "color")
-    if colors != "color":
-        del new["color.representation"]
-        new = {name.replace("color.", f"{colors}.", 1) if name.startswith("color.") else name: v for name, v in new.items()}
-    contours = ["region", "chamfer"] if kind == "both" else [kind]
-    modalities = [*contours, *([colors] if engine != "contour" else [])] if engine != "color" else [colors]
-    choice: dict[str, Any] = {}
-    if modalities != ["region"]:
-        choice["modalities"] = modalities
-    if engine == "color_then_contour":
-        choice["combination"] = "sequential"
-    known = describe(from_dict(choice)) if choice else describe(TrackerConfig())
-    everything = describe()
-    once = {name: name.replace(f"{colors}.", "color.", 1) for name in new}
-    dropped = [name for name in new if name not in known and {name, once[name]} & everything.keys()]
-    return {**choice, **{name: value for name, value in new.items() if name not in dropped}}, dropped
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     result: dict[str, Any] = {}
     for key, value in values.items():
         if isinstance(value, Mapping):
-            result.update(_flat(value, f"{prefix}{key}."))
+            result.update(flat(value, f"{prefix}{key}."))
         else:
             result[f"{prefix}{key}"] = value
     return result
