@@ -204,7 +204,7 @@ def test_points_with_anything_else_are_refused(modalities):
     assert (caught.value.file, caught.value.field) == ("my.yaml", "modalities")
 
 
-@pytest.mark.parametrize("name", ["surface_scale", "surface_wobble_m", "silhouette_share", "silhouette_limit"])
+@pytest.mark.parametrize("name", ["surface_scale", "surface_wobble_m", "silhouette_weight", "silhouette_limit"])
 def test_what_points_give_to_outlines_is_no_parameter_of_points_alone(name):
     assert f"keypoints.{name}" in describe(from_dict({"modalities": ["region", "keypoints"]}))
     assert f"keypoints.{name}" not in describe(from_dict({"modalities": ["keypoints"]}))

@@ -188,7 +188,8 @@ def test_covariances_are_honest():
     for seed in range(25):
         rng, body = np.random.default_rng(seed), state(0.3)
         offsets = {}
-        made = tracker(body, **{"keypoints.error_scale": 1.0, "keypoints.outlier_fraction": 1e-4, "keypoints.sigma_share": 1e-3})
+        values = {"keypoints.error_scale": 1.0, "keypoints.outlier_fraction": 1e-4, "keypoints.sigma_fraction": 1e-3}
+        made = tracker(body, **values)
         points = made._track.engine.modalities[0].offsets.body
         for k, name in enumerate(made._track.engine.modalities[0].names):
             offsets[name] = points.means[k] + np.sqrt(np.diag(points.covariances[k])) * rng.normal(size=3)

@@ -38,7 +38,7 @@ class SynchronizerConfig:
 
 @dataclass(frozen=True)
 class BackgroundConfig:
-    """What each pixel shows when the body is not there: given as images, or learnt."""
+    """What each pixel shows when the body is not there: given as images, or learned."""
 
     sigma: float = parameter(4.0, "least standard deviation of a background pixel", "gray levels", 0.5, 100)
     shadow: float = parameter(
@@ -51,7 +51,7 @@ class BackgroundConfig:
         0,
         1,
     )
-    body_margin_px: int = parameter(12, "width around the fitted body that is not learnt as background", "px", 1, 200)
+    body_margin_px: int = parameter(12, "width around the fitted body that is not learned as background", "px", 1, 200)
 
 
 @dataclass(frozen=True)
@@ -72,23 +72,23 @@ class RegionConfig:
     )
     repeats: int = parameter(2, "steps more on the finest scale, at most, while the body still moves", "", 0, 100)
     max_log_ratio: float = parameter(2.0, "log-likelihood ratio of a pixel's color is clipped to this", "1", 0.1, 20)
-    pixel_independence: float = parameter(1.0, "share of a line's pixels that are independent of their neighbors", "1", 0.01, 10)
+    pixel_independence: float = parameter(1.0, "fraction of a line's pixels that are independent of each other", "1", 0.01, 10)
     model_sigma_px: float = parameter(
         2.0, "how far the body's contour may be from the model's, at first and at most", "px", 0.0, 100
     )
     least_sigma_px: float = parameter(0.2, "the least that it is taken for", "px", 0.0, 100)
-    sigma_rate: float = parameter(0.3, "share of the newest image set in what it is taken for; 0 keeps it", "1", 0.0, 1.0)
+    sigma_rate: float = parameter(0.3, "weight of the newest image set in what it is taken for; 0 keeps it", "1", 0.0, 1.0)
     robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
     correlation: float = parameter(4.0, "how many neighboring lines share one error, for the covariance", "lines", 1, 1000)
-    color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
+    color_rate: float = parameter(0.05, "weight of the newest image in the color histograms", "1", 0, 1)
     color_prior: float = parameter(
-        0.3, "share of the model's stated color in a part's, where the images bear it out; 0: learnt colors only", "1", 0, 1
+        0.3, "weight of the model's stated color in a part's, where the images bear it out; 0: learned colors only", "1", 0, 1
     )
     learn_every: int = parameter(4, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
     learn_background: bool = parameter(
         True, "learn what each pixel shows when the body is not there: for cameras that stand still"
     )
-    margin_px: int = parameter(4, "width around the fitted body that is not learnt as surroundings", "px", 0, 200)
+    margin_px: int = parameter(4, "width around the fitted body that is not learned as surroundings", "px", 0, 200)
     background_ring_px: int = parameter(40, "surroundings are what lies within this of the body", "px", 4, 1000)
     inlier_px: float = parameter(
         2.5, "a contour found within this bears out a body of up to 450 pixels; a larger one in proportion", "px", 0.1, 1000
@@ -121,7 +121,7 @@ class ChamferConfig:
     smoothing_px: int = parameter(
         1, "width of the median filter of the silhouette; 1: none", "px", choices=tuple(range(1, 33, 2))
     )
-    color_rate: float = parameter(0.05, "share of the newest image in the color histograms", "1", 0, 1)
+    color_rate: float = parameter(0.05, "weight of the newest image in the color histograms", "1", 0, 1)
     learn_every: int = parameter(3, "image sets between two lessons of a camera; the cameras take turns", "", 1, 1000)
     reach_px: int = parameter(40, "silhouettes farther than this from the predicted body are not processed", "px", 4, 1000)
     truncation_px: float = parameter(40.0, "distances to the silhouette are truncated here", "px", 2, 1000)
@@ -150,7 +150,7 @@ class ChamferConfig:
     agreement_px: float = parameter(1.5, "outline and silhouette agree where they are closer than this", "px", 0.0, 1000)
     agreement_m: float = parameter(0.03, "and than what this is in pixels, at the body, added to it", "m", 0.0, 10)
     degraded_agreement: float = parameter(
-        0.62, "share of outline and silhouette that agree in the median camera, below which the status is DEGRADED", "1", 0, 1
+        0.62, "fraction of outline and silhouette that agree in the median camera, below which the status is DEGRADED", "1", 0, 1
     )
     lost_agreement: float = parameter(
         0.4, "the same for LOST; a single camera below it is named, and the status DEGRADED", "1", 0, 1
@@ -166,13 +166,13 @@ class KeypointConfig:
     """Points and silhouettes that a detector finds of people."""
 
     covariance_scale: float = parameter(1.0, "factor of the covariances that the detector states", "1", 0.0, 1e4)
-    sigma_share: float = parameter(
-        0.006, "least standard deviation of a point, as a share of the person's size in the image", "1", 1e-4, 1.0
+    sigma_fraction: float = parameter(
+        0.006, "least standard deviation of a point, as a fraction of the person's size in the image", "1", 1e-4, 1.0
     )
     outlier_fraction: float = parameter(0.02, "fraction of the surest points that are anywhere at all", "1", 1e-4, 0.5)
     offset_scale: float = parameter(1.0, "factor of the spread of offsets between points and landmarks", "1", 1e-3, 100.0)
     wobble_m: float = parameter(0.02, "how far points move on the body with its pose, as a standard deviation", "m", 0.0, 1.0)
-    least_offset_sigma_m: float = parameter(0.005, "the least that is believed of an offset", "m", 1e-5, 1.0)
+    least_offset_sigma_m: float = parameter(0.005, "least standard deviation of an offset", "m", 1e-5, 1.0)
     correlation_sets: float = parameter(10.0, "how many image sets in a row share one error of a point", "image sets", 1.0, 1e4)
     surface_scale: float = parameter(
         1.0, "factor of the spread of surfaces beside the body's shapes, which contours follow while points hold the joints", "1",
@@ -185,7 +185,7 @@ class KeypointConfig:
         2.0, "squared errors of joints over what fits say of them, on rendered people in clothes: covariances are so much larger",
         "1", 0.1, 100.0,
     )  # fmt: skip
-    silhouette_share: float = parameter(
+    silhouette_weight: float = parameter(
         0.5, "factor of the log odds of the detector's silhouettes, beside contours; 0: they are not used", "1", 0.0, 10.0,
         of=(POINTS_BESIDE,),
     )  # fmt: skip
@@ -210,8 +210,9 @@ class MotionConfig:
     )
     joint_time_constant_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3, of=GEOMETRIC)
     smoother_noise: float = parameter(
-        0.4, "share of the noise that motions have; the rest is there so that kicks are not held back, and left out in smoothing",
-        "1", 1e-3, 1e3, of=GEOMETRIC)  # fmt: skip
+        0.4, "fraction of the noise that motions have; the rest is there so that kicks are not held back, and left out in"
+        " smoothing", "1", 1e-3, 1e3, of=GEOMETRIC,
+    )  # fmt: skip
     velocity_gain: float = parameter(
         0.8,
         "how fast the velocity follows the measured one, in engines that do not tell how sure they are",
@@ -221,7 +222,7 @@ class MotionConfig:
         of=(ALONE,),
     )
     velocity_decay: float = parameter(
-        0.9, "share of a joint velocity kept in the prediction by such engines; of any velocity, by a lost body", "1", 0.0, 1.0
+        0.9, "fraction of a joint velocity kept in the prediction by such engines; of any velocity, by a lost body", "1", 0.0, 1.0
     )
     stay_position: float = parameter(
         0.0, "weight of the prior at the root position given, on the first image set", "px^2/m^2", 0.0, 1e12, of=GEOMETRIC
@@ -282,13 +283,13 @@ class InitializationConfig:
         18, "image sets to watch what moves in, where there are no images of the background", "", 2, 1000
     )
     size_px: int = parameter(80, "height of the body in the small images that a start is searched in", "px", 16, 1000)
-    hypotheses: int = parameter(48, "postures, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
+    hypotheses: int = parameter(48, "poses, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
     candidates: int = parameter(8, "starts that the engine tries", "", 1, 64)
     repaired_candidates: int = parameter(4, "of these, whose doubtful limbs are searched elsewhere", "", 0, 64)
     tracked_candidates: int = parameter(4, "starts that are tracked side by side, where none is clearly the best", "", 1, 16)
     tracked_sets: int = parameter(6, "image sets after which the best of these is taken", "", 1, 1000)
-    min_score: float = parameter(0.35, "least share of what stands out from the scene that a start covers", "1", 0.0, 1.0)
-    seed: int = parameter(0, "of the random postures; the same seed, the same start", "", 0, 2**31 - 1)
+    min_score: float = parameter(0.35, "least fraction of what stands out from the scene that a start covers", "1", 0.0, 1.0)
+    seed: int = parameter(0, "of the random poses; the same seed, the same start", "", 0, 2**31 - 1)
 
 
 @dataclass(frozen=True)
@@ -318,7 +319,7 @@ class _ByColors:
     """What all that goes by colors has in common: when it counts, and how a lost body is searched."""
 
     degraded_agreement: float = parameter(
-        0.5, "share of the difference from the surroundings that the fit explains, below which the status is DEGRADED", "1", 0, 1
+        0.5, "fraction of the difference from surroundings that the fit explains, below which the status is DEGRADED", "1", 0, 1
     )
     lost_agreement: float = parameter(
         0.4, "the same for LOST; a single camera or part below it is named, and the status DEGRADED", "1", 0, 1
@@ -341,11 +342,11 @@ class TextureConfig(_ByColors):
 class ColorOverBackgroundConfig(_ByColors):
     """Parts of one color over images of the background: the whole image is explained."""
 
-    normalized_weight: float = parameter(0.5, "share of the normalized part in a blend", "1", 0, 1)
+    normalized_weight: float = parameter(0.5, "weight of the normalized part in a blend", "1", 0, 1)
     robust_scale: float = parameter(50.0, "scale of the robust kernel on the finest level", "gray levels", 0.1, 1000)
     reach_px: int = parameter(64, "images farther than this from the predicted body are not processed", "px", 4, 10000)
     learn_colors: bool = parameter(False, "take the parts' colors from the first image set instead of the model")
-    color_rate: float = parameter(0.0, "share of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
+    color_rate: float = parameter(0.0, "weight of the newest image in the parts' colors; 0 keeps them fixed", "1", 0, 1)
     stay_position: float = parameter(0.0, "weight of the prior at the predicted root position", "gray levels^2/m^2", 0.0, 1e15)
     stay_angle: float = parameter(1e7, "weight of the prior at the predicted angles", "gray levels^2/rad^2", 0.0, 1e15)
     neutral_angle: float = parameter(

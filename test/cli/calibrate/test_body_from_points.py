@@ -74,7 +74,7 @@ def test_few_sets_of_another_body_by_a_table(clip: Clip, tmp_path: Path, capsys:
     dump_model(replace(human_model(HumanMeasures.of_stature(2.0)), name="anna"), tall)
     limbs = {name: LandmarkPoint(BLAZEPOSE[name].landmark, BLAZEPOSE[name].offset) for name in POINTS if name != "nose"}
     dump_keypoint_table(limbs, table, NAMES)
-    config.write_text("modalities: [region, keypoints]\nkeypoints: {sigma_share: 0.01}\n")
+    config.write_text("modalities: [region, keypoints]\nkeypoints: {sigma_fraction: 0.01}\n")
     more = ("--sets", "2", "--model", tall, "--keypoints-table", table, "--config", config, "--person", "0", "0", "1", "--quiet")
     assert calibrate(clip, tmp_path / "child.yaml", *more) == 0, capsys.readouterr().err
     told, found = capsys.readouterr(), load_model(tmp_path / "child.yaml")

@@ -16,7 +16,7 @@ from tracker_node.tracking.limbs.tree import limbs_of
 
 RIG, TRUE = circle_rig(3), posed(4)
 LIMBS = limbs_of(HUMAN)
-CONFIG = KeypointConfig(sigma_share=0.02, offset_scale=1e-3)  # offsets are known: what is off is off
+CONFIG = KeypointConfig(sigma_fraction=0.02, offset_scale=1e-3)  # offsets are known: what is off is off
 
 
 def index(ending: str) -> int:
@@ -126,7 +126,7 @@ def test_a_limb_without_points_has_no_evidence():
 
 def test_no_point_says_more_than_the_limit():
     people = [replace(shifted(person, "left_wrist", 300.0), box=(0.0, 0.0, 2000.0, 2000.0)) for person in seen_by(RIG, TRUE)]
-    made = KeypointModality(RIG, HUMAN, replace(CONFIG, sigma_share=1e-4, outlier_fraction=1e-4), BLAZEPOSE)
+    made = KeypointModality(RIG, HUMAN, replace(CONFIG, sigma_fraction=1e-4, outlier_fraction=1e-4), BLAZEPOSE)
     made.set_images((), TRUE, None, people)
     found = lost_odds(made.correspond(TRUE, 1.0), TRUE, LIMBS, 2000.0)
     assert found[ARM] == 6.0 and found[OTHER] == -6.0

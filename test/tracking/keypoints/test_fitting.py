@@ -104,7 +104,7 @@ def test_errors_are_as_large_as_the_covariance_says():
     spread[:3] = 0.03
     state = posed(2, 0.4)
     for _ in range(40):
-        made = fitting(**NO_PULL, **{"keypoints.sigma_share": 1e-4, "keypoints.outlier_fraction": 1e-4})
+        made = fitting(**NO_PULL, **{"keypoints.sigma_fraction": 1e-4, "keypoints.outlier_fraction": 1e-4})
         points = made.modality.offsets.body
         offsets = {name: points.means[k] + np.sqrt(np.diag(points.covariances[k])) * rng.normal(size=3)
                    for k, name in enumerate(made.modality.names)}  # fmt: skip

@@ -19,7 +19,7 @@ from tracker_node.tracking.motion.model import ExposureDelays, Prediction
 
 RIG = circle_rig(3)
 TRUE = posed(3)
-CONFIG = KeypointConfig(covariance_scale=2.0, sigma_share=0.01, outlier_fraction=0.05)
+CONFIG = KeypointConfig(covariance_scale=2.0, sigma_fraction=0.01, outlier_fraction=0.05)
 
 
 def modality(config: KeypointConfig = CONFIG) -> KeypointModality:

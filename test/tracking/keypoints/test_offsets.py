@@ -92,7 +92,7 @@ def true_offsets() -> dict[str, np.ndarray]:
 
 def test_offsets_are_found_from_several_sets_in_which_the_body_is_known():
     rig, true = circle_rig(4), true_offsets()
-    made = KeypointModality(rig, HUMAN, KeypointConfig(correlation_sets=1.0, sigma_share=1e-3, wobble_m=0.005), BLAZEPOSE)
+    made = KeypointModality(rig, HUMAN, KeypointConfig(correlation_sets=1.0, sigma_fraction=1e-3, wobble_m=0.005), BLAZEPOSE)
     wanted = np.array([true[name] for name in made.names])
     before = np.linalg.norm(made.offsets.body.means - wanted, axis=1)
     off = [before.mean()]

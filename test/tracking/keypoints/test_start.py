@@ -31,7 +31,7 @@ from tracker_node.tracking.keypoints.start import PointStart, _focus, _mobility
 
 RIG = circle_rig(3)
 EXACT = {
-    "keypoints.offset_scale": 0.02, "keypoints.sigma_share": 0.003, "motion.neutral_angle": 0.02, "motion.stay_angle": 0.0,
+    "keypoints.offset_scale": 0.02, "keypoints.sigma_fraction": 0.003, "motion.neutral_angle": 0.02, "motion.stay_angle": 0.0,
     "collision.enabled": False,
 }  # fmt: skip
 """Offsets are known, and nothing else holds the body."""

@@ -78,7 +78,7 @@ def test_silhouettes_have_a_say_where_they_are_used(clip):
         people = [replace(p, silhouette=Silhouette(255 - p.silhouette.probabilities, p.silhouette.origin)) for p in seen(clip, i)]
         sets.append(with_people(clip, i, people))
     bare = [with_people(clip, i, [replace(person, silhouette=None) for person in seen(clip, i)]) for i in range(2)]
-    start, none = clip.states[0], {"keypoints.silhouette_share": 0.0}
+    start, none = clip.states[0], {"keypoints.silhouette_weight": 0.0}
     misled, unused, without, right = (
         tracked(clip, start, sets=sets), tracked(clip, start, sets=sets, **none), tracked(clip, start, sets=bare),
         tracked(clip, start, 2),

@@ -99,7 +99,7 @@ class KeypointModality(Modality):
             if person is not None:
                 rows = [person.names.index(name) for name in self.names]
                 size = max(person.box[2] - person.box[0], person.box[3] - person.box[1], 1.0)
-                floor = (config.sigma_share * size) ** 2
+                floor = (config.sigma_fraction * size) ** 2
                 pixels[:, i] = person.pixels[rows]
                 covariances[:, i] = config.covariance_scale * person.covariances[rows] + floor * np.eye(2)
                 outliers[:, i] = config.outlier_fraction + _OUTLIERS_UNSURE * (1.0 - person.scores[rows])

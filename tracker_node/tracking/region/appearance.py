@@ -48,7 +48,7 @@ class RegionAppearance:
         keypoints: KeypointConfig | None = None,
     ):
         keypoints = keypoints or KeypointConfig()
-        self._odds = odds_table(keypoints.silhouette_share, keypoints.silhouette_limit)
+        self._odds = odds_table(keypoints.silhouette_weight, keypoints.silhouette_limit)
         self._rig, self._model, self._config, self._background = rig, model, config, background
         self._parallel, self._occluders, self._images = parallel, occluders, dict(backgrounds)
         self.classes = color_classes(model)
