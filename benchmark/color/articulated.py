@@ -3,7 +3,7 @@
 
 The skinned mannequin wears a suit in the colors of the parts of the tracker's model, which was scaled to it by a T-pose. It is
 rendered by another renderer than the tracker's, in a furnished room with lights that the tracker does not know, lens distortion,
-blur, noise and a shadow. The displayed colors of the parts are learnt from the first image set.
+blur, noise and a shadow. The displayed colors of the parts are learned from the first image set.
 
 ``articulated.joint_error_mm`` is the mean distance of joints from truth after one constant offset per joint, in the frame of its
 segment, has been removed, as for the contour engine; ``joint_error_raw_mm`` without that. Both over all clips.

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A real person by the colors of the first image set: the Balancing clip, four cameras, without contours.
 
-The colors of 18 parts in four cameras are learnt in the first image set; then the body is fitted so that it explains what the
+The colors of 18 parts in four cameras are learned in the first image set; then the body is fitted so that it explains what the
 images have that images of the background have not. The truth are joints triangulated from 2D detections, good to 3 to 5 cm. A
 second run starts half a meter beside the person: its status has to say that this is not the body.
 """

@@ -2,8 +2,8 @@
 """Contours alone, colors alone, and both in one least-squares problem: the clips of `color/articulated.py`, without plates.
 
 A skinned mannequin, not the tracker's model, in a suit of colored parts; four cameras, a furnished room, lens distortion, blur,
-noise and a shadow. Nobody has seen the room empty; the displayed colors are learnt from the first image set. Errors as there: the
-mean distance of joints from truth after one constant offset per joint in the frame of its segment; ``_raw`` without that.
+noise and a shadow. Nobody has seen the room empty; the displayed colors are learned from the first image set. Errors as there:
+the mean distance of joints from truth after one constant offset per joint in the frame of its segment; ``_raw`` without that.
 ``sigma_ratio``: median over the degrees of freedom of their standard deviations, together against contours.
 """
 

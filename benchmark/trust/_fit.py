@@ -11,7 +11,7 @@ from benchmark.trust._runs import Run
 from tracker_node.evaluation.consistency import nees
 from tracker_node.evaluation.metrics import LOST_LIMB_M
 
-_SOUND_M = 0.080  # a limb whose end is nearer than this is sound; between that and lost nothing is learnt
+_SOUND_M = 0.080  # a limb whose end is nearer than this is sound; between that and lost nothing is learned
 _RIDGE = 2e-3
 _HIDING = ("occluded", "exit", "hidden")
 

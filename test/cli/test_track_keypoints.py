@@ -67,7 +67,7 @@ def test_places_where_no_person_can_be_looked_for(clip: Clip, tmp_path: Path, ca
     assert main([*arguments, "nan", "0", "1"]) == 2
     assert "'--person': expected a place in meters, got [nan, 0.0, 1.0]" in said(capsys)
     assert main([*arguments, "0", "0", "1"]) == 2
-    assert "a person at a place (--person) is looked for, got an initial state beside it" in said(capsys)
+    assert "expected a place to search a person at (--person) or an initial state, got both" in said(capsys)
 
 
 def test_a_recording_says_where_points_come_from(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

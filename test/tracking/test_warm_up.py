@@ -68,5 +68,5 @@ def test_nothing_is_loaded_after_it(recording, state):
 
 def test_what_does_not_suit_the_body_is_said(recording):
     config = from_dict({"modalities": ["texture"]})
-    with pytest.raises(TrackerError, match="no box with a picture"):
+    with pytest.raises(TrackerError, match="no box with a texture"):
         warm_up(load_rig(recording / "rig.yaml"), tracked_arm(), config)

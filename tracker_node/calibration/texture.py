@@ -15,7 +15,7 @@ BLACK, GRAY, WHITE = 20, 120, 200  # gray levels of printed paper as a camera sh
 
 
 def charuco_texture(
-    columns: int, rows: int, square_m: float, marker_share: float, dictionary: str, inverted: bool, texels_per_m: float = 1000.0
+    columns: int, rows: int, square_m: float, marker_ratio: float, dictionary: str, inverted: bool, texels_per_m: float = 1000.0
 ) -> np.ndarray:
     """Texture of a ChArUco board as OpenCV draws it.
 
@@ -25,7 +25,7 @@ def charuco_texture(
     ----------
     columns, rows : squares.
     square_m : edge of a square.
-    marker_share : marker to square.
+    marker_ratio : marker to square.
     dictionary : name in `cv2.aruco`, such as ``DICT_4X4_1000``.
     inverted : white and black are exchanged.
     texels_per_m : resolution.
@@ -35,7 +35,7 @@ def charuco_texture(
     (h, w, 3) uint8 RGB.
     """
     markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
-    board = cv2.aruco.CharucoBoard((columns, rows), square_m, square_m * marker_share, markers)
+    board = cv2.aruco.CharucoBoard((columns, rows), square_m, square_m * marker_ratio, markers)
     size = round(columns * square_m * texels_per_m), round(rows * square_m * texels_per_m)
     drawn = board.generateImage(size) > 127
     return _rgb(np.where(drawn != inverted, WHITE, BLACK))

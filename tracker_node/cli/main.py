@@ -11,7 +11,6 @@ import importlib
 import pkgutil
 import sys
 from types import ModuleType
-from typing import NoReturn
 
 from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
@@ -121,19 +120,21 @@ _RENAMED_OPTIONS = {
     "--stills": "--background-images",
     "--no-plates": "--no-backgrounds",
     "--border-grey": "--border-gray",
+    "--picture": "--image",
+    "--marker-share": "--marker-ratio",
 }
 
 
 class _Parser(argparse.ArgumentParser):
     """One that says the present name of an option of version 0.1."""
 
-    def error(self, message: str) -> NoReturn:
-        unknown = message.removeprefix("unrecognized arguments: ").split() if message.startswith("unrecognized") else []
-        for text in unknown:
+    def parse_known_args(self, args=None, namespace=None):
+        # Before anything else is said: what is missing may be what the old name stands for
+        for text in args or ():
             old = text.partition("=")[0]
-            if old in _RENAMED_OPTIONS:
-                message = f"unknown option {old}: it is {_RENAMED_OPTIONS[old]} now"
-        super().error(message)
+            if old in _RENAMED_OPTIONS and _RENAMED_OPTIONS[old] in self._option_string_actions:
+                self.error(f"unknown option {old}: it is {_RENAMED_OPTIONS[old]} now")
+        return super().parse_known_args(args, namespace)
 
 
 def _unknown(verb: str) -> int:

@@ -112,7 +112,7 @@ def run_offline(
         tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)
         if run.person is not None:
             if run.initial_state is not None:
-                raise TrackerError("a person at a place (--person) is looked for, got an initial state beside it")
+                raise TrackerError("expected a place to search a person at (--person) or an initial state, got both")
             tracker.reinitialize(run.person)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")

@@ -19,9 +19,9 @@ def charuco(*options, size="5x4", square="0.04"):
 
 
 def test_a_charuco_board():
-    board = charuco("--marker-share", "0.6", "--dictionary", "DICT_5X5_50")
+    board = charuco("--marker-ratio", "0.6", "--dictionary", "DICT_5X5_50")
     assert (board.kind, board.columns, board.rows, board.square_m) == ("charuco", 5, 4, 0.04)
-    assert (board.marker_share, board.dictionary, board.inverted, board.legacy) == (0.6, "DICT_5X5_50", False, False)
+    assert (board.marker_ratio, board.dictionary, board.inverted, board.legacy) == (0.6, "DICT_5X5_50", False, False)
     board = charuco("--inverted")
     assert (board.inverted, board.legacy) == (True, False)
     board = charuco("--legacy")
@@ -49,10 +49,10 @@ def test_squares_that_are_no_metres(square, hint):
 
 
 def test_markers_are_smaller_than_squares():
-    assert charuco("--marker-share", "0.1").marker_share == 0.1
-    for share in ("0.09", "1.0"):
-        with pytest.raises(FileFormatError, match="--marker-share"):
-            charuco("--marker-share", share)
+    assert charuco("--marker-ratio", "0.1").marker_ratio == 0.1
+    for ratio in ("0.09", "1.0"):
+        with pytest.raises(FileFormatError, match="--marker-ratio"):
+            charuco("--marker-ratio", ratio)
 
 
 def test_a_dictionary_has_a_marker_for_every_second_square():

@@ -15,6 +15,8 @@ from tracker_node.cli.main import main
         ),
         (["calibrate", "background", "--rig", "r.yaml", "--stills=a"], "unknown option --stills: it is --background-images now"),
         (["synthesize", "--output", "a", "--no-plates"], "unknown option --no-plates: it is --no-backgrounds now"),
+        (["calibrate", "texture", "--picture", "a.png"], "unknown option --picture: it is --image now"),
+        (["calibrate", "texture", "--marker-share=0.7"], "unknown option --marker-share: it is --marker-ratio now"),
         (["track", "recording.yaml", "--thorough"], "unrecognized arguments: --thorough"),
     ],
 )

@@ -40,7 +40,7 @@ def test_a_picture_becomes_a_plate_of_its_shape(tmp_path, capsys):
     picture = tmp_path / "poster.png"
     cv2.imwrite(str(picture), np.random.default_rng(0).integers(0, 256, (30, 40, 3)).astype(np.uint8))
     path = tmp_path / "poster.yaml"
-    assert main(["calibrate", "texture", "--picture", str(picture), "--width", "0.8", "-o", str(path)]) == 0
+    assert main(["calibrate", "texture", "--image", str(picture), "--width", "0.8", "-o", str(path)]) == 0
     box = load_model(path).shapes[0].primitive
     np.testing.assert_allclose(box.size, (0.8, 0.6, 0.005))
     np.testing.assert_array_equal(box.textures[4][:, :, ::-1], cv2.imread(str(picture)))
@@ -50,13 +50,13 @@ def test_a_picture_becomes_a_plate_of_its_shape(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["--picture", "nowhere.png", "--width", "1"], "nowhere.png"),
-        (["--picture", "nowhere.png"], "--width"),
+        (["--image", "nowhere.png", "--width", "1"], "nowhere.png"),
+        (["--image", "nowhere.png"], "--width"),
         (["--charuco", "4"], "--charuco"),
         (["--charuco", "4x5"], "--square"),
         (["--charuco", "4x5", "--square", "0.05", "--dictionary", "DICT_9"], "DICT_4X4_50"),
         (["--charuco", "40x50", "--square", "0.05", "--dictionary", "DICT_4X4_50"], "--charuco"),
-        (["--charuco", "4x5", "--square", "0.05", "--marker-share", "2"], "--marker-share"),
+        (["--charuco", "4x5", "--square", "0.05", "--marker-ratio", "2"], "--marker-ratio"),
         (["--charuco", "4x5", "--square", "0.05", "--border", "-3"], "--border"),
     ],
 )  # fmt: skip

@@ -103,7 +103,7 @@ def face_of(board: Board, texels: float) -> np.ndarray:
     square = round(board.square_m * texels)
     if board.kind == "charuco":
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
-        drawn = cv2.aruco.CharucoBoard((board.columns, board.rows), 1.0, board.marker_share, markers)
+        drawn = cv2.aruco.CharucoBoard((board.columns, board.rows), 1.0, board.marker_ratio, markers)
         face = drawn.generateImage((board.columns * square, board.rows * square))
     else:
         rows, columns = np.mgrid[0 : board.rows + 1, 0 : board.columns + 1]

@@ -68,7 +68,7 @@ def test_the_extent_is_the_longest_edge_of_pictured_faces_only():
 
 def test_no_picture_is_said():
     for call in (textured_extent, lambda model: surface_points(model, 0.05)):
-        with pytest.raises(ModelError, match="'boxes' has no box with a picture"):
+        with pytest.raises(ModelError, match="'boxes' has no box with a texture"):
             call(boxes(None))
 
 

@@ -87,7 +87,7 @@ REFUSED = [
     ({"modalities": ["guess"]}, "color_over_background"),  # the valid ones
     ({"engine": "color"}, "modalities"),  # an earlier version's
     ({"chamfer__max_iterations": 3}, "chamfer"),  # of a modality that is not in use
-    ({"modalities": ["texture"]}, "no box with a picture"),  # does not suit the body
+    ({"modalities": ["texture"]}, "no box with a texture"),  # does not suit the body
     ({"cameras": ["cam1", "cam9"]}, "cam9"),
     ({"cameras": ["cam1", "cam1"]}, "each once"),
     ({"lossless": False}, "read-only"),

@@ -97,8 +97,8 @@ def test_a_failed_configure_says_why_and_can_be_mended(probe, launch, recording,
     name = "tracker: lifecycle"
     status = probe.diagnostics
     probe.spin_until(lambda: name in status and status[name].level == DiagnosticStatus.ERROR, "the reason")
-    assert "configure has failed" in status[name].message and "no box with a picture" in status[name].message
-    assert manager.state() == "unconfigured" and "no box with a picture" in tracker.err and "Traceback" not in tracker.err
+    assert "configure has failed" in status[name].message and "no box with a texture" in status[name].message
+    assert manager.state() == "unconfigured" and "no box with a texture" in tracker.err and "Traceback" not in tracker.err
     change = SetParameters.Request(parameters=[Parameter("modalities", value=["region"]).to_parameter_msg()])
     assert probe.ask(SetParameters, "tracker/set_parameters", change).results[0].successful
     assert manager.change(Transition.TRANSITION_CONFIGURE) and manager.change(Transition.TRANSITION_ACTIVATE)

@@ -152,7 +152,7 @@ def test_a_small_tracker_says_what_does_not_suit(recording):
         for combination in ("joint", "sequential"):
             small.check(rig.names, replace(config, modalities=modalities, combination=combination))
     affine = replace(config, modalities=("texture",))
-    with pytest.raises(ModelError, match="no box with a picture"):
+    with pytest.raises(ModelError, match="no box with a texture"):
         small.check(rig.names, affine)
     scene = replace(config, modalities=("color_over_background",))
     with pytest.raises(ModelError, match="background"):

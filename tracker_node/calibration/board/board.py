@@ -24,7 +24,7 @@ class Board:
     kind : one of `KINDS`.
     columns, rows : a chessboard's *inner corners* (as OpenCV and ROS count), a ChArUco board's *squares* (as OpenCV counts).
     square_m : edge of a square.
-    marker_share, dictionary : of a ChArUco board: marker to square, and the name of an OpenCV dictionary.
+    marker_ratio, dictionary : of a ChArUco board: marker to square, and the name of an OpenCV dictionary.
     inverted : black and white are exchanged.
     legacy : a ChArUco board of OpenCV before 4.6 with an even number of rows (a marker in the first corner).
     """
@@ -33,7 +33,7 @@ class Board:
     columns: int
     rows: int
     square_m: float
-    marker_share: float = 0.75
+    marker_ratio: float = 0.75
     dictionary: str = "DICT_4X4_1000"
     inverted: bool = False
     legacy: bool = False
@@ -116,7 +116,7 @@ class BoardDetector:
     def __init__(self, board: Board, least_corners: int = 6):
         self.board, self._least = board, least_corners
         if board.kind == "charuco":
-            size = board.square_m, board.square_m * board.marker_share
+            size = board.square_m, board.square_m * board.marker_ratio
             charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), *size, _markers(board.dictionary))
             charuco.setLegacyPattern(board.legacy)
             self._charuco = cv2.aruco.CharucoDetector(charuco)

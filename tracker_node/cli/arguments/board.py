@@ -54,7 +54,7 @@ def add_board_shape(parser: argparse.ArgumentParser, required: bool = True) -> N
 def add_markers(parser: argparse.ArgumentParser) -> None:
     """Markers on the board, for `check_markers`."""
     add = parser.add_argument
-    add("--marker-share", type=float, default=0.75, metavar="X", help="marker to square (default: %(default)s)")
+    add("--marker-ratio", type=float, default=0.75, metavar="X", help="marker to square (default: %(default)s)")
     add("--dictionary", default="DICT_4X4_1000", metavar="NAME", help="of OpenCV (default: %(default)s)")
     add("--inverted", action="store_true", help="black and white are exchanged on the board")
 
@@ -63,8 +63,8 @@ def check_markers(args: argparse.Namespace) -> None:
     """Raise a `TrackerError` for markers that no board has, naming the option."""
     from ...calibration.board.board import dictionaries
 
-    if not 0.1 <= args.marker_share < 1.0:
-        raise wrong_option("--marker-share", "0.1 or more, and less than 1", args.marker_share)
+    if not 0.1 <= args.marker_ratio < 1.0:
+        raise wrong_option("--marker-ratio", "0.1 or more, and less than 1", args.marker_ratio)
     if args.dictionary not in dictionaries():
         raise UnknownNameError("dictionary", args.dictionary, dictionaries())
 
@@ -85,7 +85,7 @@ def board_of(args: argparse.Namespace) -> Board:
         raise wrong_option("--square", f"the edge of a square in meters, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
     check_markers(args)
     kind = "charuco" if args.charuco else "chessboard"
-    board = Board(kind, columns, rows, args.square, args.marker_share, args.dictionary, args.inverted, args.legacy)
+    board = Board(kind, columns, rows, args.square, args.marker_ratio, args.dictionary, args.inverted, args.legacy)
     if board.n_markers > n_markers(board.dictionary):
         most = n_markers(board.dictionary)
         raise wrong_option(

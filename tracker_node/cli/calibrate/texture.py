@@ -1,4 +1,4 @@
-"""``tracker_node calibrate texture``: a flat box with a picture on it, as a model that the engine of colors can track."""
+"""``tracker_node calibrate texture``: a flat box with a texture on it, as a model that the engine of colors can track."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ EXAMPLE = "tracker_node calibrate texture --charuco 4x5 --square 0.054 --border 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--picture", metavar="FILE", help="image of the plate's face, undistorted and cropped to it")
+    what.add_argument("--image", metavar="FILE", help="image of the plate's face, undistorted and cropped to it")
     what.add_argument("--charuco", metavar="COLUMNSxROWS", help="draw a ChArUco board of so many squares")
-    parser.add_argument("--width", type=float, metavar="M", help="with --picture: width of the plate, meters")
+    parser.add_argument("--width", type=float, metavar="M", help="with --image: width of the plate, meters")
     parser.add_argument("--square", type=float, metavar="M", help="with --charuco: edge of a square, meters")
     add_markers(parser)
-    parser.add_argument("--border", type=int, default=0, metavar="MM", help="width of a plain border around the picture")
+    parser.add_argument("--border", type=int, default=0, metavar="MM", help="width of a plain border around the image")
     parser.add_argument("--border-gray", type=int, default=20, metavar="0..255", help="its gray level (default: %(default)s)")
     parser.add_argument("--thickness", type=float, default=0.005, metavar="M", help="of the plate (default: %(default)s)")
     parser.add_argument("--name", default="plate", help="name of the body (default: %(default)s)")
@@ -30,16 +30,16 @@ def run(args: argparse.Namespace) -> int:
     from ...calibration.texture import framed, plate_model
     from ...loaders.model.model_yaml import dump_model
 
-    picture, texels_per_m = _drawn(args) if args.charuco else _read(args)
-    height, width = picture.shape[:2]
+    image, texels_per_m = _drawn(args) if args.charuco else _read(args)
+    height, width = image.shape[:2]
     if not 0 <= args.border <= 1000 or not 0 <= args.border_gray <= 255 or not 0.0 < args.thickness < 1.0:
         raise wrong_option("--border, --border-gray, --thickness", "0..1000 mm, 0..255, 0..1 m", vars(args)["border"])
     wide = round(1e-3 * args.border * texels_per_m)
-    whole = framed(picture, [(wide, wide, wide, wide, args.border_gray)])
+    whole = framed(image, [(wide, wide, wide, wide, args.border_gray)])
     origin = wide + width / 2.0, wide + height / 2.0
     model = plate_model(args.name, whole, texels_per_m, origin, args.thickness)
     dump_model(
-        model, args.output, "Flat box with a picture on its face +z; the origin is the middle of the picture, x right, y up."
+        model, args.output, "Flat box with a texture on its face +z; the origin is the middle of the image, x right, y up."
     )
     x, y, _ = model.shapes[0].primitive.size  # type: ignore[union-attr]
     print(f"{args.name}: {1e3 * x:.1f} x {1e3 * y:.1f} mm, {texels_per_m:.0f} texels a meter; wrote {args.output}")
@@ -50,9 +50,9 @@ def _read(args: argparse.Namespace):
     from ...loaders.model.mesh_file import read_texture
 
     if args.width is None or not 0.0 < args.width < 100.0:
-        raise wrong_option("--width", "the plate's width in meters, with --picture", args.width)
-    picture = read_texture(Path(args.picture), "command line", "--picture")
-    return picture, picture.shape[1] / args.width
+        raise wrong_option("--width", "the plate's width in meters, with --image", args.width)
+    image = read_texture(Path(args.image), "command line", "--image")
+    return image, image.shape[1] / args.width
 
 
 def _drawn(args: argparse.Namespace):
@@ -66,7 +66,7 @@ def _drawn(args: argparse.Namespace):
     check_markers(args)
     texels_per_m = max(1000.0, 40.0 / args.square)
     try:
-        board = (columns, rows, args.square, args.marker_share, args.dictionary, args.inverted)
+        board = (columns, rows, args.square, args.marker_ratio, args.dictionary, args.inverted)
         return charuco_texture(*board, texels_per_m), texels_per_m
     except cv2.error as error:
         raise wrong_option("--charuco", "a board that OpenCV can draw with this dictionary", str(error).strip()) from None

@@ -50,7 +50,7 @@ def textured_extent(model: ArticulatedModel) -> float:
     """
     edges = [max(abs(columns @ size), abs(rows @ size)) for _, size, (_, columns, rows), _ in _faces(model)]
     if not edges:
-        raise ModelError(f"model '{model.name}' has no box with a picture on one of its faces (shapes.<name>.textures)")
+        raise ModelError(f"model '{model.name}' has no box with a texture on one of its faces (shapes.<name>.textures)")
     return float(max(edges))
 
 

@@ -130,7 +130,7 @@ class TrackingWorker:
         self._begin(StartRequest(lambda tracker: tracker.set_state(state), state))
 
     def reinitialize(self, near: np.ndarray | None = None) -> None:
-        """Search the body wherever it may be; what has been learnt stays.
+        """Search the body wherever it may be; what has been learned stays.
 
         Parameters
         ----------

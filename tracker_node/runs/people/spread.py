@@ -1,4 +1,4 @@
-"""People in a few image sets of a recording, looked for in the whole images: nobody knows yet where the body is."""
+"""People in a few image sets of a recording, detected in the whole images: nobody knows yet where the body is."""
 
 from __future__ import annotations
 

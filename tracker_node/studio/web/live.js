@@ -7,7 +7,7 @@ import { openPageWith } from "/page.js";
 const KEPT = 4000; // states
 const SILENT_S = 3;
 const BUTTONS = [
-  ["reset", "Reset", {}, "back to the initial state, nothing learnt"], ["reinitialize", "Reinitialize", {}, "begin anew without a state"],
+  ["reset", "Reset", {}, "back to the initial state, nothing learned"], ["reinitialize", "Reinitialize", {}, "begin anew without a state"],
   ["enable", "Enable", { on: true }, "track"], ["enable", "Disable", { on: false }, "let images pass"],
 ];
 const CURVES = { residual: 3, total: 4, latency: 5 }; // places in a point
