@@ -43,7 +43,7 @@ class SearchResult:
 
     Attributes
     ----------
-    variables : (n,) of ``model/pose_variables``; ``state`` is the same.
+    variables : (n,) as of `model.configuration.to_variables`; ``state`` is the same.
     score : on the rows that the last stage scored; infinite where not even the start could be scored.
     evaluations : scores asked for.
     evaluations_per_variable : (n,) those along each variable; what served all at once is shared out evenly over the active ones.

@@ -64,7 +64,7 @@ class SteppingOptions:
     Attributes
     ----------
     schedule : the loops.
-    order : indices of the variables (``model/pose_variables``) in the order they are stepped; None: all, in their own order.
+    order : indices of the variables (`model.configuration.to_variables`) in the order they are stepped; None: all, in their own.
     increases : a line ends after so many consecutive increases of the score.
     v : where the V-algorithm is used: ``every_line``, ``last_loop`` or ``never``.
     max_steps : a line also ends after so many steps, which a slope without an end would need.

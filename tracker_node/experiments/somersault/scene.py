@@ -129,7 +129,7 @@ def somersault_variables(n_images: int = 11, ranges: SomersaultRanges | None = N
 
     Returns
     -------
-    (n_images, 6) in the order of `pose_variables.ROOT_NAMES`.
+    (n_images, 6) in the order of `model.configuration.ROOT_NAMES`.
     """
     r = ranges or SomersaultRanges()
     s = np.linspace(0.0, 1.0, n_images)

@@ -1,6 +1,6 @@
 """Direct photometric alignment: the color score as a least-squares problem with analytic derivatives, on an image pyramid.
 
-The same residuals as `color_score`, summed over the mask; see `alignment_kernels` for how they change with the state. On coarse
+The same residuals as `score`, summed over the mask; see `alignment_kernels` for how they change with the state. On coarse
 levels colors reach further, so that a body a few pixels of that level off is found.
 """
 
@@ -34,7 +34,7 @@ class PhotometricOptions:
 
     Attributes
     ----------
-    representation, normalized_weight, min_pixels : as in `color_score.ColorOptions`.
+    representation, normalized_weight, min_pixels : as in `score.ColorOptions`.
     levels : of the pyramid; level 0 is the image, each next one has half its width and height.
     robust_scale : gray levels at which a pixel (the root of its summed squares) begins to count as something else; 0: never.
     """
@@ -51,7 +51,7 @@ class PhotometricObjective:
 
     Parameters
     ----------
-    model, rig, colors_rgb, workers : as of `color_score.ColorObjective`.
+    model, rig, colors_rgb, workers : as of `score.ColorObjective`.
     """
 
     def __init__(

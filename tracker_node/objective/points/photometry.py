@@ -35,7 +35,7 @@ class PhotometryOptions:
 
     Attributes
     ----------
-    representation, normalized_weight : see `color_score.ColorOptions`.
+    representation, normalized_weight : see `objective.color.score.ColorOptions`.
     levels : of the pyramid; level 0 has the full resolution.
     step : every n-th pixel of a level in both directions gives a point (at least every second pixel of the full image).
     robust_scale : gray levels at which a difference begins to count as something else in front of the body, on the finest level;

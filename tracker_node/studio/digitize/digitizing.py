@@ -23,7 +23,7 @@ JOINTS_FILE, TRC_FILE = "joints.csv", "joints.trc"
 
 @dataclass(frozen=True)
 class ReconstructionOptions:
-    """How points are reconstructed: see `calibration.points.reconstruction`."""
+    """How points are reconstructed: see `calibration.points.triangulation`."""
 
     name: str = "lens"
     sigma_px: float = 1.0

@@ -127,7 +127,7 @@ class JointGroup:
 
     @property
     def variables(self) -> list[int]:
-        """Indices of ``dofs``; those of `model.pose_variables` are the same."""
+        """Indices of ``dofs``; those of `model.configuration.to_variables` are the same."""
         return np.flatnonzero(self.dofs).tolist()
 
 
