@@ -23,7 +23,7 @@ from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
 from ..report.metrics_file import command_line, cpu, versions
 from ..tracking.config import KEYPOINTS, TrackerConfig, flatten
-from ..tracking.estimate import GRAY_LEVELS, PX, Status, TrackEstimate
+from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
@@ -252,7 +252,7 @@ def _summary(
         "ms_per_set": _percentiles(record.total_ms),
         "iterations": {"mean": _mean(record.iterations), "max": max(record.iterations, default=0)},
         "residual": _percentiles(record.residual),
-        "residual_unit": PX if run.config.contours else GRAY_LEVELS,
+        "residual_unit": run.config.residual_unit,
         "wall_s": time.perf_counter() - record.began,
         "first_stamp_ns": record.stamps_ns[0] if record.stamps_ns else None,
         "last_stamp_ns": record.stamps_ns[-1] if record.stamps_ns else None,

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..errors import FileFormatError
+from .estimate import GRAY_LEVELS, PX
 from .parameters import built, named, nested, parameter, value_of
 from .renamed import refuse_renamed
 
@@ -433,6 +434,11 @@ class TrackerConfig:
     def colors(self) -> str | None:
         """The modality in use that goes by colors, if any."""
         return next((name for name in COLORS if name in self.modalities), None)
+
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residuals of estimates."""
+        return GRAY_LEVELS if self.colors and not self.contours else PX
 
     @property
     def tags(self) -> frozenset[str]:

@@ -46,7 +46,7 @@ TURNED, DELAYED = "turned", "delayed"
 """Kinds of faults of a camera."""
 
 PX, GRAY_LEVELS = "px", "gray levels"
-"""Units of residuals: of contours, and of colors and texture."""
+"""Units of residuals: of contours and points, and of colors and texture."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class TrackEstimate:
     ----------
     velocity, covariance : (n_dof,) per second and (n_dof, n_dof), in the tangent of `State` (meters, radians).
     score : cost of the objective at the solution.
-    residual, residual_unit : rms over all cameras; `PX` where contours are compared, else `GRAY_LEVELS`.
+    residual, residual_unit : rms over all cameras; `PX`, or `GRAY_LEVELS` where colors or texture are compared alone.
     limbs : the trunk, then the branches of the kinematic tree; empty where the engine does not judge them.
     velocity_covariance : (n_dof, n_dof), None where it is not known.
     information : (n_dof, n_dof) inverse covariance from these images alone; None where they have no weight.

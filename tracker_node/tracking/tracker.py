@@ -24,7 +24,7 @@ from .assessment import Assessment, Report
 from .config import KEYPOINTS, TrackerConfig, checked_combination
 from .engine import AnyEngine
 from .engines import make_engine
-from .estimate import GRAY_LEVELS, PX, CameraFault, LimbStatus, Status, Timings, TrackEstimate
+from .estimate import CameraFault, LimbStatus, Status, Timings, TrackEstimate
 from .initialization.detector import body_size
 from .initialization.initializer import NOT_GIVEN, Initializer
 from .keypoints.crops import crops_of
@@ -275,7 +275,7 @@ class Tracker:
             second_order=second_order,
             score=fit.equations.cost,
             residual=report.residual,
-            residual_unit=GRAY_LEVELS if self.config.colors and not self.config.contours else PX,
+            residual_unit=self.config.residual_unit,
             cameras=report.cameras,
             iterations=fit.iterations,
             evaluations=fit.evaluations,

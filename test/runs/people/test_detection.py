@@ -11,6 +11,7 @@ from helpers.cameras.person_clip import TrueDetector, make_person_clip
 from helpers.cameras.small_clip import Clip
 from helpers.sources.weights import weights_or_skip
 from tracker_node.errors import FileFormatError, TrackerError
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.motion.trajectory_file import read_joints
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration
@@ -18,6 +19,7 @@ from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People
 from tracker_node.runs.config_file import load_config
+from tracker_node.runs.load import load_run
 from tracker_node.runs.offline import OfflineRun, run_offline
 from tracker_node.runs.people.detection import DetectionOptions, PeopleDetection
 from tracker_node.tracking.config import TrackerConfig
@@ -80,6 +82,15 @@ def test_no_modality_no_detector(clip: Clip, tmp_path: Path) -> None:
     config = replace(load_config(clip.config_file), modalities=("region",))
     summary = run_offline(run_of(clip, detector, config=config, max_sets=2), tmp_path / "run")
     assert not detector.asked and "detection" not in summary
+
+
+def test_points_alone_have_residuals_in_pixels(clip: Clip, tmp_path: Path) -> None:
+    config = replace(load_config(clip.config_file), modalities=("keypoints",))
+    summary = run_offline(run_of(clip, TrueDetector(clip), config=config, max_sets=2), tmp_path / "run")
+    with BagReader(tmp_path / "run/bag") as reader:
+        units = {message.residual_unit for _, message in reader.decoded("/tracker/state")}
+    assert units == {summary["residual_unit"]} == {"px"}
+    assert load_run(tmp_path / "run").residual_key == "residual_px"
 
 
 class Everywhere:
