@@ -240,12 +240,12 @@ SAMPLES: dict[str, tuple[Member, ...]] = {
 }
 
 
-def fetch_sample(name: str, cache: Path | None = None) -> dict[str, Path]:
+def fetch_sample(name: str) -> dict[str, Path]:
     """Files of a sample in the cache.
 
     Parameters
     ----------
-    name, cache : of the sample; folder, None for `cache_folder`.
+    name : of the sample.
 
     Returns
     -------
@@ -258,4 +258,4 @@ def fetch_sample(name: str, cache: Path | None = None) -> dict[str, Path]:
     """
     if name not in SAMPLES:
         raise UnknownNameError("sample", name, SAMPLES)
-    return fetch(SAMPLES[name], cache)
+    return fetch(SAMPLES[name])

@@ -8,7 +8,7 @@ Finding a body again that has moved too far from where it was expected: many hyp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Generic, Protocol, TypeVar
 
@@ -114,7 +114,7 @@ def fit_robustly(
 
 def align_robustly(
     objective: ScoreObjective, pyramid: PyramidObjective, start: State, chain: KinematicChain,
-    options: RobustFitOptions | None = None, alignment: AlignmentOptions | None = None,
+    options: RobustFitOptions | None = None,
 ) -> RobustFit[OptimizerResult]:  # fmt: skip
     """`fit_robustly` by alignment.
 
@@ -122,13 +122,13 @@ def align_robustly(
     ----------
     objective, pyramid : score, and least squares on levels, of the same images.
     start, chain : state to begin at, and the limits of its joints.
-    options, alignment : None: the defaults.
+    options : None: the defaults.
 
     Returns
     -------
     The best of all alignments.
     """
-    return fit_robustly(objective, start, lambda state: align(pyramid, state, chain, alignment), options)
+    return fit_robustly(objective, start, lambda state: align(pyramid, state, chain), options)
 
 
 class ScoredPyramid(ScoreObjective, PyramidObjective, Protocol):
@@ -155,13 +155,9 @@ class ReacquireOptions:
 
 
 def reacquire(
-    objective: ScoredPyramid,
-    start: State,
-    chain: KinematicChain,
-    options: ReacquireOptions | None = None,
-    centers: Sequence[State] = (),
+    objective: ScoredPyramid, start: State, chain: KinematicChain, options: ReacquireOptions | None = None
 ) -> OptimizerResult | None:
-    """Search around states, and refine what is found; deterministic for a seed.
+    """Search around a state, and refine what is found; deterministic for a seed.
 
     Whether that is the body is for the caller to judge.
 
@@ -170,14 +166,13 @@ def reacquire(
     objective : scores and levels of the same images.
     start, chain : state that hypotheses are spread around, and the limits of its joints.
     options : None: the defaults.
-    centers : further states to spread hypotheses around.
 
     Returns
     -------
     The best state; None where no hypothesis can be scored.
     """
     options = options or ReacquireOptions()
-    found = [hypothesis.state for hypothesis in search(objective, start, options.search, centers)]
+    found = [hypothesis.state for hypothesis in search(objective, start, options.search)]
     if not found:
         return None
     alignment = options.alignment

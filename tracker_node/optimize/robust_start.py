@@ -59,17 +59,14 @@ class Hypothesis:
     score: float
 
 
-def search(
-    objective: ScoreObjective, start: State, options: RobustStartOptions | None = None, centers: Sequence[State] = ()
-) -> list[Hypothesis]:
-    """Search around states; deterministic for a seed.
+def search(objective: ScoreObjective, start: State, options: RobustStartOptions | None = None) -> list[Hypothesis]:
+    """Search around a state; deterministic for a seed.
 
     Parameters
     ----------
     objective : its score judges the hypotheses.
     start : hypotheses are spread around it, and it is one of them.
     options : None: the defaults.
-    centers : further states to spread around, such as other orientations of a body that is alike from two sides.
 
     Returns
     -------
@@ -78,7 +75,7 @@ def search(
     options = options or RobustStartOptions()
     coarse = _coarse(objective, options)
     best: list[Hypothesis] = []
-    around = [start, *centers]
+    around = [start]
     scale = 1.0
     for number in range(options.rounds):
         states = list(around) if number == 0 else []

@@ -27,20 +27,17 @@ PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy", "opencv": "ope
 SIMD_LEVELS = ("avx512f", "avx2", "avx", "sse4_2", "sse2", "asimd", "neon")  # widest first
 
 
-def write_metrics(
-    path: str | Path, metrics: Mapping[str, float | int], *, command: str | None = None
-) -> None:
+def write_metrics(path: str | Path, metrics: Mapping[str, float | int]) -> None:
     """Write ``metrics`` with the circumstances they were measured in; folders are made.
 
     Parameters
     ----------
     path : the JSON file.
     metrics : dotted key -> number; not-a-number and infinity become null.
-    command : how to measure again; the command line of this process if None.
     """
     content = {
         "metrics": {str(key): _plain(value) for key, value in metrics.items()},
-        "command": command_line() if command is None else command,
+        "command": command_line(),
         "versions": versions(),
         "cpu": cpu(),
     }

@@ -86,9 +86,8 @@ class RunWriter:
     Parameters
     ----------
     output : folder, made here; it must not hold a run yet.
-    tracker : name before the topics of the tracker.
-    masks : also record ``<tracker>/<camera>/mask``, the model's silhouette.
-    masked_images : also record ``<tracker>/<camera>/masked_image/compressed``, the image where that is.
+    masks : also record ``tracker/<camera>/mask``, the model's silhouette.
+    masked_images : also record ``tracker/<camera>/masked_image/compressed``, the image where that is.
     detector : name of what finds people in the images: ``<camera>/keypoints`` holds them, so that the same states can be made
         again; None: they are not recorded. Silhouettes are large and even, hence such a bag is compressed.
 
@@ -103,7 +102,6 @@ class RunWriter:
         rig: CameraRig,
         model: ArticulatedModel,
         *,
-        tracker: str = "tracker",
         masks: bool = False,
         masked_images: bool = False,
         detector: str | None = None,
@@ -112,7 +110,7 @@ class RunWriter:
         self._rig, self._model, self._detector = rig, model, detector
         requested = ["mask"] * masks + ["masked_image"] * masked_images
         self._of_body, self._of_cameras = recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
-        self._prefix = f"/{tracker.strip('/')}"
+        self._prefix = "/tracker"  # as the node is called, unless it is renamed
         for name in (BAG, STATES, JOINTS, POSES, SUMMARY, BODY):
             if (self.output / name).exists():
                 raise BagExistsError(self.output / name)

@@ -18,7 +18,7 @@ from ...model.humans.surfaces18 import ellipsoid_human, nurbs_human
 from ...model.kinematic_chain import KinematicChain
 from ...render.raycast import raycaster
 from ...synthesis.scenes.scene import looking_at
-from ..free_flight import GRAVITY, FreeFlight, MassProperties
+from ..free_flight import FreeFlight, MassProperties
 from ..plots import bgr_of
 from ..target_images import TargetStudio
 
@@ -112,11 +112,6 @@ class SomersaultRanges:
     tilt_deg: float = 8.0
     twist_deg: float = 180.0
     take_off_height: float = 1.30
-
-    @property
-    def flight_time(self) -> float:
-        """Seconds: gravity and the height settle it; landing is as high as take-off."""
-        return float(np.sqrt(8.0 * self.vertical / GRAVITY))
 
 
 def somersault_variables(n_images: int = 11, ranges: SomersaultRanges | None = None) -> np.ndarray:

@@ -120,12 +120,12 @@ def camera_info_path(url: str, camera: str, environment: Mapping[str, str] = os.
     raise FileFormatError(camera, _FIELD, "file:///PATH or package://PACKAGE/PATH", url)
 
 
-def load_lens(url: str, camera: str, environment: Mapping[str, str] = os.environ) -> CameraModel | None:
+def load_lens(url: str, camera: str) -> CameraModel | None:
     """The lens that is kept at a URL.
 
     Parameters
     ----------
-    url, camera, environment : as of `camera_info_path`.
+    url, camera : as of `camera_info_path`.
 
     Returns
     -------
@@ -136,17 +136,17 @@ def load_lens(url: str, camera: str, environment: Mapping[str, str] = os.environ
     FileFormatError : the URL, or the file, is wrong.
     CalibrationError : the file is that of an uncalibrated camera.
     """
-    path = camera_info_path(url, camera, environment)
+    path = camera_info_path(url, camera)
     return load_camera_info(path)[1] if os.path.exists(path) else None
 
 
-def save_lens(url: str, camera: str, lens: CameraModel, environment: Mapping[str, str] = os.environ) -> Path:
+def save_lens(url: str, camera: str, lens: CameraModel) -> Path:
     """Keep a lens at a URL, whole or not at all; folders are made as needed.
 
     Parameters
     ----------
     url, camera : as of `camera_info_path`.
-    lens, environment : that is written; as of `camera_info_path`.
+    lens : that is written.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def save_lens(url: str, camera: str, lens: CameraModel, environment: Mapping[str
     ------
     FileFormatError : the URL is wrong, or the file cannot be written.
     """
-    path = camera_info_path(url, camera, environment)
+    path = camera_info_path(url, camera)
     try:
         dump_camera_info(camera, lens, path)
     except OSError as error:

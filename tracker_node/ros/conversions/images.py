@@ -154,7 +154,7 @@ class _CdrReader:
         return bytes(self._data[start : start + n - 1]).decode()
 
 
-def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray, quality: int = 90) -> CompressedImage:
+def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray) -> CompressedImage:
     """JPEG of a BGR image.
 
     Parameters
@@ -162,13 +162,12 @@ def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray, quality: i
     stamp_ns : time of exposure.
     frame_id : name of the camera's optical frame.
     bgr : (height, width, 3) uint8.
-    quality : 1..100, of the JPEG.
 
     Returns
     -------
     message : with the JPEG.
     """
-    return jpeg_message(stamp_ns, frame_id, messages.jpeg_of(bgr, quality))
+    return jpeg_message(stamp_ns, frame_id, messages.jpeg_of(bgr))
 
 
 def jpeg_message(stamp_ns: int, frame_id: str, data: np.ndarray | bytes) -> CompressedImage:

@@ -61,19 +61,18 @@ def compressed_image(stamp_ns: int, frame_id: str, jpeg: np.ndarray | bytes) -> 
     return {"header": header(stamp_ns, frame_id), "format": _JPEG, "data": np.frombuffer(jpeg, np.uint8)}
 
 
-def jpeg_of(bgr: np.ndarray, quality: int = 90) -> np.ndarray:
+def jpeg_of(bgr: np.ndarray) -> np.ndarray:
     """(n,) uint8, the bytes of a JPEG of an image (height, width[, 3]).
 
     Parameters
     ----------
     bgr : (height, width[, 3]) uint8.
-    quality : 1..100.
 
     Returns
     -------
     jpeg : (n,) uint8.
     """
-    _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])
+    _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 90])
     return encoded.reshape(-1)
 
 
