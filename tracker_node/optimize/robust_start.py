@@ -6,7 +6,7 @@ that is in its place.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,20 +121,38 @@ def _spread(around: Sequence[State], n: int, options: RobustStartOptions, scale:
 
 def _distinct(hypotheses: list[Hypothesis], options: RobustStartOptions, apart: float) -> list[Hypothesis]:
     """The best ``keep`` that are ``apart`` of the spreads from each other, best first."""
-    kept: list[Hypothesis] = []
-    positions, rotations = np.empty((options.keep, 3)), np.empty((options.keep, 3, 3))
-    for hypothesis in sorted(hypotheses, key=lambda hypothesis: hypothesis.score):
-        n, T = len(kept), hypothesis.state.T_world_root
-        near = np.linalg.norm(positions[:n] - T[:3, 3], axis=1) < apart * options.spread_m
-        if near.any():
-            cosines = 0.5 * (np.einsum("nij,ij->n", rotations[:n][near], T[:3, :3]) - 1.0)
-            if (cosines > np.cos(min(apart * options.spread_rad, np.pi))).any():
-                continue
-        positions[n], rotations[n] = T[:3, 3], T[:3, :3]
-        kept.append(hypothesis)
-        if len(kept) == options.keep:
+    roots = np.array([hypothesis.state.T_world_root for hypothesis in hypotheses]).reshape(-1, 4, 4)
+
+    def same(i: int, chosen: list[int]) -> bool:
+        others = roots[chosen]
+        near = others[np.linalg.norm(others[:, :3, 3] - roots[i, :3, 3], axis=1) < apart * options.spread_m]
+        cosines = 0.5 * (np.einsum("nij,ij->n", near[:, :3, :3], roots[i, :3, :3]) - 1.0)
+        return bool((cosines > np.cos(min(apart * options.spread_rad, np.pi))).any())
+
+    order = np.argsort([hypothesis.score for hypothesis in hypotheses], kind="stable")
+    return [hypotheses[i] for i in best_apart(order, same, options.keep)]
+
+
+def best_apart(order: Iterable[int], same: Callable[[int, list[int]], bool], n: int) -> list[int]:
+    """The best that are no other one's like.
+
+    Parameters
+    ----------
+    order : of all, the best first.
+    same : whether one is the same as any of those that are chosen.
+    n : at most.
+
+    Returns
+    -------
+    The best first.
+    """
+    chosen: list[int] = []
+    for i in map(int, order):
+        if len(chosen) >= n:
             break
-    return kept
+        if not same(i, chosen):
+            chosen.append(i)
+    return chosen
 
 
 def _moved(state: State, root_tangent: np.ndarray) -> State:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
+from ..optimize.robust_start import best_apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,13 +168,10 @@ class PoseSearch:
         order, apart = np.argsort(-scores, kind="stable").tolist(), self._apart
         if apart is None:
             return order[:n]
-        places: list[np.ndarray] = []
-        chosen: list[int] = []
-        for i in order:
-            place = apart.coordinates(poses[i : i + 1])[0]
-            if all(np.linalg.norm(place - other, apart.order) >= apart.distance for other in places):
-                places.append(place)
-                chosen.append(i)
-                if len(chosen) == n:
-                    break
-        return chosen
+        places: dict[int, np.ndarray] = {}
+
+        def same(i: int, chosen: list[int]) -> bool:
+            place = places[i] = apart.coordinates(poses[i : i + 1])[0]
+            return not all(np.linalg.norm(place - places[other], apart.order) >= apart.distance for other in chosen)
+
+        return best_apart(order, same, n)

@@ -16,6 +16,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...observation.image_set import ImageSet
+from ...optimize.robust_start import best_apart
 from ...parallel import Workers
 from ..assessment import Assessment
 from ..config import InitializationConfig
@@ -316,12 +317,12 @@ def rivals(model: ArticulatedModel, trials: Sequence[Trial], size_m: float, n: i
     -------
     The best first.
     """
-    kept: list[Trial] = []
-    points: list[np.ndarray] = []
-    for trial in sorted(trials, key=lambda trial: -trial.standing):
-        own = Configuration(model, trial.state).landmarks_world
-        same = any(len(own) and np.linalg.norm(own - other, axis=1).mean() < _SAME * size_m for other in points)
-        if not same and (not kept or trial.standing > share * kept[0].standing) and len(kept) < n:
-            kept.append(trial)
-            points.append(own)
-    return kept
+    best_first = sorted(trials, key=lambda trial: -trial.standing)
+    able = best_first[:1] + [trial for trial in best_first[1:] if trial.standing > share * best_first[0].standing]
+    points = [Configuration(model, trial.state).landmarks_world for trial in able]
+
+    def same(i: int, chosen: list[int]) -> bool:
+        own = points[i]
+        return any(len(own) and np.linalg.norm(own - points[j], axis=1).mean() < _SAME * size_m for j in chosen)
+
+    return [able[i] for i in best_apart(range(len(able)), same, n)]

@@ -19,6 +19,7 @@ from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.area.score import AreaScore
 from ...observation.region.colors import stated_densities
+from ...optimize.robust_start import best_apart
 from ...parallel import Workers
 from ...render.raycast.raycaster import render_view
 from ..limbs.tree import Limb
@@ -98,15 +99,13 @@ class LimbAlternatives:
 
     def _apart(self, state: State, limb: Limb, joints: np.ndarray, n: int) -> list[int]:
         """Indices of the best ``n`` of ``joints`` (m, n_axes) whose tips are apart from each other and from that of ``state``."""
-        tips, chosen, apart = [self._tip(state, limb)], [], _APART * self._length(state, limb)
-        for i in np.argsort(-self._scores(state, joints), kind="stable")[:_LOOKED_AT]:
-            tip = self._tip(State(state.T_world_root, joints[i]), limb)
-            if all(np.linalg.norm(tip - other) > apart for other in tips):
-                tips.append(tip)
-                chosen.append(int(i))
-                if len(chosen) == n:
-                    break
-        return chosen
+        tips, apart = {-1: self._tip(state, limb)}, _APART * self._length(state, limb)
+
+        def same(i: int, chosen: list[int]) -> bool:
+            tips[i] = self._tip(State(state.T_world_root, joints[i]), limb)
+            return not all(np.linalg.norm(tips[i] - tips[other]) > apart for other in (-1, *chosen))
+
+        return best_apart(np.argsort(-self._scores(state, joints), kind="stable")[:_LOOKED_AT], same, n)
 
     def _tip(self, state: State, limb: Limb) -> np.ndarray:
         T = Configuration(self._model, state).Ts_world_link[limb.end]

@@ -22,6 +22,7 @@ from ...observation.chamfer.boundary import boundary_points
 from ...observation.chamfer.distance_transform import signed_distance
 from ...optimize.fitter import Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
+from ...optimize.robust_start import best_apart
 from ..limbs.tree import joint_groups
 from ..poses import Poses
 from .pose_library import other_side, reachable
@@ -65,17 +66,15 @@ class HypothesisSearch:
         -------
         Indices, best first.
         """
-        chosen: list[int] = []
-        for i in np.argsort(-scores, kind="stable"):
+
+        def same(i: int, chosen: list[int]) -> bool:
             others = poses.roots[chosen]
             trace = np.einsum("nij,ij->n", others[:, :3, :3], poses.roots[i, :3, :3])
             turned = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
             moved = np.linalg.norm(others[:, :3, 3] - poses.roots[i, :3, 3], axis=1)
-            if not np.any((turned < apart_rad) & (moved < apart_m)):
-                chosen.append(int(i))
-                if len(chosen) == n:
-                    break
-        return np.array(chosen, dtype=np.int64)
+            return bool(np.any((turned < apart_rad) & (moved < apart_m)))
+
+        return np.array(best_apart(np.argsort(-scores, kind="stable"), same, n), dtype=np.int64)
 
     def varied(self, poses: Poses, samples: int, rng: np.random.Generator) -> Poses:
         """Variants of each hypothesis.
