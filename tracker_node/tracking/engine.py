@@ -27,19 +27,8 @@ from .modality import Images, Modality, PeopleSeen, Persons
 from .motion.model import ExposureDelays
 
 
-class Solver(Protocol):
-    """Finds the state of a body in the present images: stages of fits, and searches for what they do not reach.
-
-    One that remembers nothing from fit to fit has `fit` alone.
-    """
-
-    def reset(self) -> None:
-        """Forget everything."""
-        return
-
-    def restart(self) -> bool:
-        """A state is handed over; whether it is to be taken as it is, with what has been learned."""
-        return False
+class Fits(Protocol):
+    """Finds the state of a body near another one."""
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """The state that suits the images best.
@@ -57,26 +46,9 @@ class Solver(Protocol):
         """
         ...
 
-    def remember(self, fit: Fit, assessment: Assessment) -> None:
-        """Take in how a fit was assessed.
 
-        Parameters
-        ----------
-        fit, assessment : the last fit, and its assessment.
-        """
-        return
-
-
-class Judge(Protocol):
-    """Assesses fits; one that remembers nothing from fit to fit has `assess` and `report` alone."""
-
-    def reset(self) -> None:
-        """Forget everything."""
-        return
-
-    def restart(self) -> None:
-        """A state is handed over; its quality is unknown."""
-        return
+class Assesses(Protocol):
+    """Says whether a fit is the body, and how exactly."""
 
     def assess(self, fit: Any, image_set: ImageSet) -> Assessment:
         """Whether that is the body.
@@ -107,12 +79,8 @@ class Judge(Protocol):
         ...
 
 
-class Choice(Protocol):
-    """Chooses who of the people in the images is the body."""
-
-    def reset(self) -> None:
-        """Forget everything."""
-        ...
+class Finds(Protocol):
+    """Finds a body by what a detector has found."""
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """Where the body begins, without knowing where it is.
@@ -126,6 +94,50 @@ class Choice(Protocol):
         -------
         None where nobody can be the body.
         """
+        ...
+
+
+class Solver(Fits, Protocol):
+    """Finds the state of a body in the present images: stages of fits, and searches for what they do not reach.
+
+    One that remembers nothing from fit to fit has `fit` alone.
+    """
+
+    def reset(self) -> None:
+        """Forget everything."""
+        return
+
+    def restart(self) -> bool:
+        """A state is handed over; whether it is to be taken as it is, with what has been learned."""
+        return False
+
+    def remember(self, fit: Fit, assessment: Assessment) -> None:
+        """Take in how a fit was assessed.
+
+        Parameters
+        ----------
+        fit, assessment : the last fit, and its assessment.
+        """
+        return
+
+
+class Judge(Assesses, Protocol):
+    """Assesses fits; one that remembers nothing from fit to fit has `assess` and `report` alone."""
+
+    def reset(self) -> None:
+        """Forget everything."""
+        return
+
+    def restart(self) -> None:
+        """A state is handed over; its quality is unknown."""
+        return
+
+
+class Choice(Finds, Protocol):
+    """Chooses who of the people in the images is the body."""
+
+    def reset(self) -> None:
+        """Forget everything."""
         ...
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
@@ -143,7 +155,7 @@ class Choice(Protocol):
         ...
 
 
-class AnyEngine(Protocol):
+class AnyEngine(Fits, Assesses, Finds, Protocol):
     """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`.
 
     Attributes
@@ -192,60 +204,9 @@ class AnyEngine(Protocol):
         """
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
-        """Where the body begins, by what a detector has found; None where that says nothing.
-
-        Parameters
-        ----------
-        people, near : see `observe`, and `Choice.find`.
-
-        Returns
-        -------
-        See `Choice.find`.
-        """
         return None
 
-    def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Fit the body as `Solver.fit` does.
-
-        Parameters
-        ----------
-        start : state to begin at.
-        first : of a first image set: longer.
-        prior : in information units; left out where fits have other units.
-
-        Returns
-        -------
-        The fit.
-        """
-        ...
-
-    def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
-        """Assess a fit as `Judge.assess` does.
-
-        Parameters
-        ----------
-        fit : of the images of ``image_set``.
-        image_set : its cameras.
-
-        Returns
-        -------
-        Status, and what goes with it.
-        """
-        ...
-
-    def report(self, fit: Fit, image_set: ImageSet) -> Report:
-        """Residuals and covariance of a fit.
-
-        Parameters
-        ----------
-        fit : of the images of ``image_set``.
-        image_set : has the stamps of the cameras.
-
-        Returns
-        -------
-        Of all cameras.
-        """
-        ...
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit: ...
 
     def learn(self, images: Images, state: State) -> None:
         """Learn what the body and its surroundings look like now.
