@@ -19,7 +19,7 @@ from tracker_node.tracking.estimate import LimbStatus, TrackEstimate
 from tracker_node.tracking.limbs.judge import MEASURES
 from tracker_node.tracking.limbs.tree import Limb, limbs_of
 from tracker_node.tracking.motion.dynamics import Belief, Dynamics
-from tracker_node.tracking.motion.smoother import Sighting, smooth, smoothed_covariance
+from tracker_node.tracking.motion.smoother import Measurement, smooth, smoothed_covariance
 from tracker_node.tracking.tracker import Tracker
 
 
@@ -83,8 +83,8 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         estimates.append(tracker.step(image_set))
         shares.append(_shares(tracker, len(limbs)))
     motion = config.motion
-    sightings = [Sighting.of(e, resting(model, motion)) for e in estimates]
-    beliefs = list(smooth(sightings, Dynamics.of(motion, model.chain, motion.smoother_noise)))
+    measurements = [Measurement.of(e, resting(model, motion)) for e in estimates]
+    beliefs = list(smooth(measurements, Dynamics.of(motion, model.chain, motion.smoother_noise)))
     truth = truth_of(recorded)
     found = np.array([Configuration(model, e.state).landmarks_world for e in estimates])
     names = [limb.name for limb in limbs]

@@ -71,7 +71,7 @@ def test_the_run_says_which_sets_have_no_state(clip):
 @pytest.mark.parametrize("part", ["", "bag", "smoothed"])
 def test_it_is_loaded_with_nothing_where_nothing_is_known(clip, part):
     run = load_run(clip.folder / "run" / part)
-    assert (~run.has_state).tolist() == NO_STATE and run.believed.tolist() == run.has_state.tolist()
+    assert (~run.has_state).tolist() == NO_STATE and run.tracked.tolist() == run.has_state.tolist()
     assert np.isnan(run.residual).tolist() == NO_STATE
     assert run.details is not None and not run.details.covariances[:N_WITHOUT].any()
     assert run.details.covariances[N_WITHOUT:].any(axis=(1, 2)).all()

@@ -90,25 +90,25 @@ def test_a_box_behind_the_body_hides_nothing():
     occluders = Occluders(room, RIG)
     assert np.isfinite(occluders.depths[0]).any()
     assert drop_covered(occluders.depths[0], rows, pixels, info, len(rows), REACH_PX) == len(rows)
-    sight = occluders.look(0, BODY, camera, 10)
-    assert sight.veil is None
-    np.testing.assert_array_equal(sight.labels, render_labels(BODY, camera, 10)[1])
+    body = occluders.look(0, BODY, camera, 10)
+    assert body.occlusion is None
+    np.testing.assert_array_equal(body.labels, render_labels(BODY, camera, 10)[1])
 
 
 def test_labels_end_where_the_box_begins():
     camera, (room, place) = RIG.cameras[0], screen(1.5)
-    sight = Occluders(room, RIG).look(0, BODY, camera, 10)
+    body = Occluders(room, RIG).look(0, BODY, camera, 10)
     region, labels = render_labels(BODY, camera, 10)
-    assert sight.region == region
+    assert body.region == region
     v, u = np.nonzero(labels)
     rays = camera.model.rays(np.stack([u + region[0], v + region[1]], axis=1).astype(float))[0]
     # The box is nearer than the body wherever a line of sight meets it
     hidden = np.isfinite(entered(se3.apply(camera.T_world_cam, rays), camera.center, place))
     assert 0.2 < hidden.mean() < 0.8
-    np.testing.assert_array_equal(sight.labels[v, u] == 0, hidden)
-    np.testing.assert_array_equal(sight.labels[v, u][~hidden], labels[v, u][~hidden])
-    assert sight.veil[v, u][hidden].all()
-    assert sight.veil[v, u][~hidden].mean() < 0.2  # only along the border
+    np.testing.assert_array_equal(body.labels[v, u] == 0, hidden)
+    np.testing.assert_array_equal(body.labels[v, u][~hidden], labels[v, u][~hidden])
+    assert body.occlusion[v, u][hidden].all()
+    assert body.occlusion[v, u][~hidden].mean() < 0.2  # only along the border
 
 
 @pytest.mark.parametrize("room", [None, screen(-1.5)[0]])

@@ -172,7 +172,7 @@ def test_squared_errors_are_so_much_larger_than_fits_say(followed):
         np.testing.assert_array_equal(wide.state.to_values(), before.state.to_values())
         np.testing.assert_allclose(wide.covariance, 3.0 * before.covariance, rtol=1e-9)
         np.testing.assert_allclose(wide.information, before.information / 3.0, rtol=1e-9)
-        assert wide.pull is None
+        assert wide.innovation is None
 
 
 def test_a_set_without_points_says_nothing_that_is_scaled():

@@ -21,19 +21,19 @@ _AROUND_PX, _RIM_PX = 15, 3
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class BodyRegion:
     """Where a body is in an image.
 
     Attributes
     ----------
     region : (u0, v0, u1, v1).
     labels : (h, w) uint8 on the region, as of `RenderedView`; 0 also where the body is hidden.
-    veil : (h, w) bool, occlusion mask: pixels of what hides the body, and of its border; None: nothing hides it.
+    occlusion : (h, w) bool, mask: pixels of what hides the body, and of its border; None: nothing hides it.
     """
 
     region: Region
     labels: np.ndarray
-    veil: np.ndarray | None = None
+    occlusion: np.ndarray | None = None
 
 
 class Occluders:
@@ -55,7 +55,7 @@ class Occluders:
             configuration = Configuration(scene, State.neutral(scene))
             self.depths = [render_view(configuration, camera).depth for camera in rig]
 
-    def look(self, index: int, configuration: Configuration, camera: Camera, margin_px: int = 0) -> Sight | None:
+    def look(self, index: int, configuration: Configuration, camera: Camera, margin_px: int = 0) -> BodyRegion | None:
         """Where the body is in one camera.
 
         Parameters
@@ -74,15 +74,15 @@ class Occluders:
             return None
         (u0, v0, u1, v1), labels = found
         if not self.depths[index].size:
-            return Sight(found[0], labels)
+            return BodyRegion(found[0], labels)
         body, cover = render_view(configuration, camera, found[0]).depth, self.depths[index][v0:v1, u0:u1]
         hidden = (labels > 0) & (cover < body - _TOUCH_M)
         if not hidden.any():
-            return Sight(found[0], labels)
+            return BodyRegion(found[0], labels)
         labels[hidden] = 0
         # The body is not exactly where it is expected: around what is hidden, whatever stands before it may hide it
         near = _grown(hidden, _AROUND_PX) & (cover < body[hidden].max())
-        return Sight(found[0], labels, _grown(near, _RIM_PX))
+        return BodyRegion(found[0], labels, _grown(near, _RIM_PX))
 
 
 def _grown(mask: np.ndarray, by_px: int) -> np.ndarray:

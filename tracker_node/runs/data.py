@@ -140,7 +140,7 @@ class RunData:
         return np.isfinite(self.values).all(axis=1)
 
     @property
-    def believed(self) -> np.ndarray:
+    def tracked(self) -> np.ndarray:
         """(n,) bool: with a state that the tracker does not call LOST."""
         return self.has_state & (self.status != int(Status.LOST))
 

@@ -280,7 +280,7 @@ def chosen_rows(run: RunData, n: int) -> list[int]:
     """
     good = np.flatnonzero(run.status == int(Status.TRACKING))
     if len(good) < min(n, len(run)):
-        good = np.flatnonzero(run.believed)
+        good = np.flatnonzero(run.tracked)
     if not len(good):
         raise FileFormatError(run.path, "(states)", "image sets in which the body was tracked", run.status_text)
     parts = np.array_split(good, min(n, len(good)))
@@ -299,7 +299,7 @@ def velocity_at(run: RunData, row: int) -> np.ndarray:
     -------
     velocity : (n_dof,), zero where no other row is near.
     """
-    first, last = (beside if 0 <= beside < len(run) and run.believed[beside] else row for beside in (row - 1, row + 1))
+    first, last = (beside if 0 <= beside < len(run) and run.tracked[beside] else row for beside in (row - 1, row + 1))
     seconds = 1e-9 * float(run.stamps_ns[last] - run.stamps_ns[first])
     tangent = State.from_values(run.values[last]).difference(State.from_values(run.values[first]))
     return tangent / seconds if seconds > 0.0 else np.zeros_like(tangent)

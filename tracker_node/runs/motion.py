@@ -101,7 +101,7 @@ def motion_of_run(run: RunData, model: ArticulatedModel, lost: str = "gap") -> R
     ------
     FileFormatError : no state is left, or limbs are asked for of a run that does not judge them.
     """
-    valid = run.has_state if lost == "keep" else run.believed
+    valid = run.has_state if lost == "keep" else run.tracked
     if not valid.any():
         raise FileFormatError(run.path, "(states)", "at least one image set with a state that is not LOST", run.status_text)
     values = np.where(valid[:, None], run.values, 0.0)

@@ -29,7 +29,7 @@ from ..tracking.config import MotionConfig
 from ..tracking.constraints import resting
 from ..tracking.estimate import TrackEstimate
 from ..tracking.motion.dynamics import Belief, Dynamics
-from ..tracking.motion.smoother import Sighting, Smoother, smoothed_covariance
+from ..tracking.motion.smoother import Measurement, Smoother, smoothed_covariance
 from .messages import CAMERA_INFO, Content, camera_info, keypoints
 from .outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, STRING, Tracked, recorded
 
@@ -254,7 +254,7 @@ class SmoothedWriter:
         if self._waiting and estimate.stamp_ns < self._waiting[-1].stamp_ns:
             self._finish()
         self._waiting.append(estimate)
-        self._write(self._smoother.add(Sighting.of(estimate, self._rest)))
+        self._write(self._smoother.add(Measurement.of(estimate, self._rest)))
 
     def close(self) -> None:
         """Write what is left, and finish every file."""

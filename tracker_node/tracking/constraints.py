@@ -26,9 +26,9 @@ def neutral_information(chain: KinematicChain, motion: MotionConfig) -> np.ndarr
     -------
     (n_dof,) in units of information; 0 of the root.
     """
-    pulls = np.zeros(chain.n_dof)
-    pulls[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in chain.axes]
-    return pulls / PX2_PER_INFORMATION
+    weights = np.zeros(chain.n_dof)
+    weights[N_ROOT_DOF:] = [motion.neutral_angle * axis.stiffness for axis in chain.axes]
+    return weights / PX2_PER_INFORMATION
 
 
 def resting(model: ArticulatedModel, motion: MotionConfig) -> Prior:

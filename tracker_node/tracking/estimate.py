@@ -120,7 +120,7 @@ class TrackEstimate:
     limbs : the trunk, then the branches of the kinematic tree; empty where the engine does not judge them.
     velocity_covariance : (n_dof, n_dof), None where it is not known.
     information : (n_dof, n_dof) inverse covariance from these images alone; None where they have no weight.
-    pull : (n_dof,) ``information`` times the tangent from ``state`` to the optimum of these images alone.
+    innovation : (n_dof,) in information form: ``information`` times the tangent from ``state`` to where these images have it.
     second_order : (n_dof, n_dof) the second-order terms within ``covariance``.
     faults : cameras that the others contradict.
     surfaces : (n_shapes, 4) meters: where the surface of each part is beside its shape (`model.humans.surfaces`), for drawing;
@@ -142,7 +142,7 @@ class TrackEstimate:
     limbs: tuple[LimbReport, ...] = ()
     velocity_covariance: np.ndarray | None = None
     information: np.ndarray | None = None
-    pull: np.ndarray | None = None
+    innovation: np.ndarray | None = None
     second_order: np.ndarray | None = None
     faults: tuple[CameraFault, ...] = ()
     residual_unit: str = PX

@@ -262,9 +262,9 @@ class Tracker:
             scale = self.config.keypoints.error_scale
             covariance = scale * covariance
             second_order = None if second_order is None else scale * second_order
-        alone, pull = (information, None) if evidence is None else evidence.measurement(assessment.dof_weights)
+        alone, innovation = (information, None) if evidence is None else evidence.measurement(assessment.dof_weights)
         if information is not None and any(people):  # lines and points together
-            alone, pull = information / self.config.keypoints.error_scale, None
+            alone, innovation = information / self.config.keypoints.error_scale, None
         return TrackEstimate(
             stamp_ns=image_set.stamp_ns,
             status=assessment.status,
@@ -282,7 +282,7 @@ class Tracker:
             timings=Timings(1e3 * (observed - began), 1e3 * (done - observed), 1e3 * (finished - began)),
             velocity_covariance=track.motion.velocity_covariance,
             information=alone,
-            pull=pull,
+            innovation=innovation,
             faults=faults,
             limbs=assessment.limbs,
             surfaces=engine.surfaces,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.objective.lines.correspondence import LINE_U, LINE_V, N_LINE_COLUMNS, PRECISION
-from tracker_node.objective.lines.spacing import add_crowding
+from tracker_node.objective.lines.spacing import add_correlated
 from tracker_node.render.contour.samples import LINK, N_INFO_COLUMNS, SHAPE
 
 LENGTH_PX, TAKEN, FOUND, PRECISE = 4.0, 0.5, 0.2, 20.0
@@ -17,7 +17,7 @@ def ratio(places, shapes=None, precisions=None) -> float:
     lines[:, LINE_U], lines[:, LINE_V] = 0.6 * np.asarray(places), 0.8 * np.asarray(places)
     lines[:, PRECISION] = PRECISE if precisions is None else precisions
     info[:, LINK], info[:, SHAPE] = 1, 0 if shapes is None else shapes
-    add_crowding(lines, info, n, TAKEN, FOUND, LENGTH_PX, sums)
+    add_correlated(lines, info, n, TAKEN, FOUND, LENGTH_PX, sums)
     assert not sums[[0, 2]].any()
     return sums[1, 0] / sums[1, 1]
 

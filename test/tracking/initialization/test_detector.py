@@ -14,7 +14,7 @@ from tracker_node.parallel import Workers
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.initialization.detector import PoseDetector, body_size
-from tracker_node.tracking.initialization.pose_library import other_side, postures
+from tracker_node.tracking.initialization.pose_library import library_poses, other_side
 from tracker_node.tracking.limbs.tree import joint_groups
 from tracker_node.tracking.tracker import Tracker
 
@@ -125,7 +125,7 @@ def test_other_sides_change_places():
 
 def test_postures_keep_the_limits_and_begin_with_neutral():
     chain = SCENE.model.chain
-    rows = postures(SCENE.model, 8, 0)
+    rows = library_poses(SCENE.model, 8, 0)
     assert np.all(rows >= chain.lower) and np.all(rows <= chain.upper)
     np.testing.assert_array_equal(rows[0], [axis.neutral for axis in chain.axes])
     raised = rows[:, chain.axis_index("left_shoulder_elevation_front")] > np.radians(150)
@@ -135,7 +135,7 @@ def test_postures_keep_the_limits_and_begin_with_neutral():
 
 def test_a_body_without_joints_has_one_posture():
     box = ArticulatedModel("box", KinematicChain(("box",), ()), (Shape("box", "box", Box((0.2, 0.12, 0.08))),))
-    assert postures(box, 8, 0).shape == (1, 0)
+    assert library_poses(box, 8, 0).shape == (1, 0)
     assert joint_groups(box.chain) == []
 
 

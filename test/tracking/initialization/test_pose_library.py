@@ -6,7 +6,7 @@ import pytest
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.tracking.initialization.pose_library import other_side, postures, reachable
+from tracker_node.tracking.initialization.pose_library import library_poses, other_side, reachable
 from tracker_node.tracking.limbs.tree import joint_groups
 
 HUMAN = human_model()
@@ -70,20 +70,20 @@ def contains(rows, **degrees):
     ],
 )  # fmt: skip
 def test_known_postures_are_tried_once_on_either_side(degrees):
-    assert contains(postures(HUMAN, 0, 0), **degrees) == 1
+    assert contains(library_poses(HUMAN, 0, 0), **degrees) == 1
 
 
 def test_the_neutral_one_comes_first_and_all_are_within_the_limits():
-    rows = postures(HUMAN, 20, 3)
+    rows = library_poses(HUMAN, 20, 3)
     np.testing.assert_array_equal(rows[0], np.clip(NEUTRAL, CHAIN.lower, CHAIN.upper))
     assert np.all((rows >= CHAIN.lower) & (rows <= CHAIN.upper))
-    assert len(np.unique(rows, axis=0)) == len(rows) == len(postures(HUMAN, 0, 0)) + 20
-    np.testing.assert_array_equal(rows, postures(HUMAN, 20, 3))
-    assert not np.array_equal(rows[-20:], postures(HUMAN, 20, 4)[-20:])
+    assert len(np.unique(rows, axis=0)) == len(rows) == len(library_poses(HUMAN, 0, 0)) + 20
+    np.testing.assert_array_equal(rows, library_poses(HUMAN, 20, 3))
+    assert not np.array_equal(rows[-20:], library_poses(HUMAN, 20, 4)[-20:])
 
 
 def test_samples_fill_what_can_be_reached_within_1_2_radians():
-    sampled = postures(HUMAN, 400, 0)[-400:]
+    sampled = library_poses(HUMAN, 400, 0)[-400:]
     low, high = reachable(CHAIN)
     low, high = np.maximum(low, NEUTRAL - 1.2), np.minimum(high, NEUTRAL + 1.2)
     assert np.all((sampled >= low - 1e-12) & (sampled <= high + 1e-12))
@@ -95,4 +95,4 @@ def test_samples_fill_what_can_be_reached_within_1_2_radians():
 
 def test_a_body_without_joints_has_one_posture():
     rigid = ArticulatedModel("rigid", KinematicChain(("base",), ()), HUMAN.shapes[:0])
-    assert postures(rigid, 5, 0).shape == (1, 0)
+    assert library_poses(rigid, 5, 0).shape == (1, 0)

@@ -16,7 +16,7 @@ from tracker_node.objective.constraints.prior import Prior
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.motion.dynamics import Belief, Dynamics
 from tracker_node.tracking.motion.model import MotionModel
-from tracker_node.tracking.motion.smoother import Sighting, Smoother, smooth, smoothed_covariance
+from tracker_node.tracking.motion.smoother import Measurement, Smoother, smooth, smoothed_covariance
 
 N = 8
 CONFIG = MotionConfig(root_position_noise=1.0, root_angle_noise=2.0, joint_noise=3.0)
@@ -25,18 +25,18 @@ DYNAMICS = Dynamics.of(CONFIG, two_links().chain)
 
 def most_probable(prior: Prior | None, measured: State, information: np.ndarray) -> State:
     """Gauss-Newton on prior times measurement."""
-    state, pulls = measured, [Prior(measured, information)] + ([prior] if prior else [])
+    state, terms = measured, [Prior(measured, information)] + ([prior] if prior else [])
     for _ in range(6):
         H, g = np.zeros((N, N)), np.zeros(N)
-        for pull in pulls:
-            pull.add_to(H, g, state)
+        for term in terms:
+            term.add_to(H, g, state)
         state = state.retract(np.linalg.solve(H + 1e-12 * np.eye(N), -g))
     return state
 
 
-def tracked(stamps_ns, measured, informations, config=CONFIG) -> tuple[list[Sighting], MotionModel]:
+def tracked(stamps_ns, measured, informations, config=CONFIG) -> tuple[list[Measurement], MotionModel]:
     """What a tracker would find: each estimate is the most probable one by prediction and measurement."""
-    model, sightings = MotionModel(two_links().chain, config), []
+    model, measurements = MotionModel(two_links().chain, config), []
     for stamp_ns, state, information in zip(stamps_ns, measured, informations, strict=True):
         prediction = model.predict(stamp_ns)
         if information is None:
@@ -45,8 +45,8 @@ def tracked(stamps_ns, measured, informations, config=CONFIG) -> tuple[list[Sigh
         else:
             found = most_probable(prediction.prior() if prediction else None, state, information)
             model.update(stamp_ns, found, information)
-        sightings.append(Sighting(stamp_ns, found, information))
-    return sightings, model
+        measurements.append(Measurement(stamp_ns, found, information))
+    return measurements, model
 
 
 def walk(rng: np.random.Generator, stamps_ns, turning: bool) -> list[Belief]:
@@ -83,7 +83,7 @@ def test_without_turns_it_is_batch_least_squares():
         noise = np.linalg.pinv(rows) @ rng.normal(size=len(rows))
         noise[still] = 0.0
         measured.append(body.state.retract(noise))
-    sightings, _ = tracked(times, measured, informations)
+    measurements, _ = tracked(times, measured, informations)
 
     kept = [i for i in range(2 * N) if i % N not in still]
     size = len(kept)
@@ -115,7 +115,7 @@ def test_without_turns_it_is_batch_least_squares():
     solved = spsolve(H, b).reshape(n, size)
     inverse = splu(H)
 
-    for k, belief in enumerate(smooth(sightings, DYNAMICS)):
+    for k, belief in enumerate(smooth(measurements, DYNAMICS)):
         mean = np.append(belief.state.difference(origin), belief.velocity)[kept]
         unit = np.zeros((n * size, size))
         unit[k * size : (k + 1) * size] = np.eye(size)
@@ -142,11 +142,11 @@ def test_it_is_better_than_the_filter_and_as_sure_as_it_says():
     velocities: dict[str, list[float]] = {"filter": [], "lag": [], "all": []}
     nees = []
     for times, truth, measured, informations in runs(5, 25):
-        sightings, _ = tracked(times, measured, informations)
+        measurements, _ = tracked(times, measured, informations)
         found = {
-            "filter": list(smooth(sightings, DYNAMICS, 1e-9)),
-            "lag": list(smooth(sightings, DYNAMICS, 0.1)),
-            "all": list(smooth(sightings, DYNAMICS)),
+            "filter": list(smooth(measurements, DYNAMICS, 1e-9)),
+            "lag": list(smooth(measurements, DYNAMICS, 0.1)),
+            "all": list(smooth(measurements, DYNAMICS)),
         }
         for kind, beliefs in found.items():
             for body, belief in list(zip(truth, beliefs, strict=True))[3:-3]:
@@ -169,9 +169,9 @@ def test_it_is_better_than_the_filter_and_as_sure_as_it_says():
 def test_the_forward_pass_is_the_tracker():
     """A lag of nothing gives back what the tracker itself has found, with its velocities."""
     times, _, measured, informations = next(runs(1, 12))
-    sightings, model = tracked(times, measured, informations)
-    *_, last = smooth(sightings, DYNAMICS, 1e-9)
-    np.testing.assert_allclose(last.state.difference(sightings[-1].state), 0.0, atol=1e-9)
+    measurements, model = tracked(times, measured, informations)
+    *_, last = smooth(measurements, DYNAMICS, 1e-9)
+    np.testing.assert_allclose(last.state.difference(measurements[-1].state), 0.0, atol=1e-9)
     np.testing.assert_allclose(last.velocity, model.velocity, rtol=1e-9)
     np.testing.assert_allclose(last.velocity_covariance, model.velocity_covariance, rtol=1e-9)
 
@@ -185,8 +185,9 @@ def test_a_lost_stretch_is_bridged():
         T[:3, :3], T[0, 3] = so3.exp([0.0, 0.0, 2.0 * t]), 1.5 * t
         truth.append(State(T, np.array([1.0 * t, 0.0])))
     informations = [None if 8 <= k < 13 else 1e6 * np.eye(N) for k in range(20)]
-    sightings, _ = tracked(times, truth, informations)
-    lost = [s if s.information is not None else Sighting(s.stamp_ns, State(np.eye(4), np.zeros(2)), None) for s in sightings]
+    measurements, _ = tracked(times, truth, informations)
+    nowhere = State(np.eye(4), np.zeros(2))
+    lost = [s if s.information is not None else Measurement(s.stamp_ns, nowhere, None) for s in measurements]
     beliefs = list(smooth(lost, DYNAMICS))
     off = [np.abs(t.difference(b.state)).max() for t, b in zip(truth, beliefs, strict=True)]
     assert max(off[8:13]) < 0.02
@@ -208,7 +209,7 @@ def test_the_smoother_expects_less_of_a_body_than_the_tracker():
     wide = replace(CONFIG, root_position_noise=4.0, root_angle_noise=8.0, joint_noise=12.0)
     of_another, _ = tracked(times, measured, informations, wide)
     pulled = [
-        replace(s, pull=s.information @ m.difference(s.state)) for s, m in zip(of_another, measured, strict=True)
+        replace(s, innovation=s.information @ m.difference(s.state)) for s, m in zip(of_another, measured, strict=True)
     ]  # fmt: skip
     expected, found, taken = (list(smooth(s, DYNAMICS)) for s in (own, pulled, of_another))
     sigma = np.sqrt(np.diag(expected[n // 2].state_covariance))
@@ -220,13 +221,13 @@ def test_a_sighting_is_where_images_and_rest_would_have_the_body():
     rng = np.random.default_rng(8)
     state, offset = State(np.eye(4), np.array([0.3, -0.2])), 0.1 * rng.normal(size=N)
     information, stiffness = np.diag(rng.uniform(50.0, 100.0, N)), np.array([0.0] * 6 + [20.0, 30.0])
-    estimate = SimpleNamespace(stamp_ns=1, state=state, information=information, pull=information @ offset)
-    sighting = Sighting.of(estimate, Prior(State(np.eye(4), np.zeros(2)), stiffness))
+    estimate = SimpleNamespace(stamp_ns=1, state=state, information=information, innovation=information @ offset)
+    measurement = Measurement.of(estimate, Prior(State(np.eye(4), np.zeros(2)), stiffness))
     best = offset.copy()
     best[6:] = (np.diag(information)[6:] * offset[6:] - stiffness[6:] * state.joint_positions) / (
         np.diag(information)[6:] + stiffness[6:]
     )
-    np.testing.assert_allclose(np.linalg.solve(sighting.information, sighting.pull), best, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.solve(measurement.information, measurement.innovation), best, atol=1e-12)
 
 
 def test_arcs_shrink_with_the_square_of_variances():
@@ -247,14 +248,14 @@ def test_arcs_shrink_with_the_square_of_variances():
 def test_every_sighting_is_answered_once_and_in_time(lag_s):
     times, _, measured, informations = next(runs(1, 15))
     informations = [None, None, *informations[2:]]
-    sightings, _ = tracked(times, measured, informations)
+    measurements, _ = tracked(times, measured, informations)
     smoother, answered = Smoother(DYNAMICS, lag_s), []
-    for i, sighting in enumerate(sightings):
-        answered += smoother.add(sighting)
-        old = [s for s in sightings[: i + 1] if (sighting.stamp_ns - s.stamp_ns) * 1e-9 >= lag_s]
+    for i, measurement in enumerate(measurements):
+        answered += smoother.add(measurement)
+        old = [s for s in measurements[: i + 1] if (measurement.stamp_ns - s.stamp_ns) * 1e-9 >= lag_s]
         assert len(answered) == len(old)
     answered += smoother.finish()
-    assert len(answered) == len(sightings)
+    assert len(answered) == len(measurements)
     assert [belief is None for belief in answered] == [True, True] + [False] * 13
     assert smoother.finish() == []
 
@@ -263,9 +264,9 @@ def test_misuse_is_refused():
     with pytest.raises(ValueError, match="lag"):
         Smoother(DYNAMICS, 0.0)
     smoother = Smoother(DYNAMICS)
-    smoother.add(Sighting(10, State(np.eye(4), np.zeros(2)), None))
+    smoother.add(Measurement(10, State(np.eye(4), np.zeros(2)), None))
     with pytest.raises(ValueError, match="order"):
-        smoother.add(Sighting(9, State(np.eye(4), np.zeros(2)), None))
+        smoother.add(Measurement(9, State(np.eye(4), np.zeros(2)), None))
 
 
 def test_only_joints_say_how_much_better_an_arc_is_known():
@@ -282,26 +283,26 @@ def test_only_joints_say_how_much_better_an_arc_is_known():
 
 def test_an_estimate_without_images_is_no_sighting_of_the_body():
     state = State(np.eye(4), np.zeros(2))
-    estimate = SimpleNamespace(stamp_ns=5, state=state, information=None, pull=None)
-    sighting = Sighting.of(estimate, Prior(state, np.ones(N)))
-    assert (sighting.stamp_ns, sighting.state, sighting.information, sighting.pull) == (5, state, None, None)
+    estimate = SimpleNamespace(stamp_ns=5, state=state, information=None, innovation=None)
+    measurement = Measurement.of(estimate, Prior(state, np.ones(N)))
+    assert (measurement.stamp_ns, measurement.state, measurement.information, measurement.innovation) == (5, state, None, None)
 
 
 def test_the_rest_adds_to_the_information_of_the_images():
     state = State(np.eye(4), np.array([0.3, -0.2]))
     information, stiffness = np.diag(np.arange(1.0, 9.0)), np.array([0.0] * 6 + [20.0, 30.0])
-    estimate = SimpleNamespace(stamp_ns=5, state=state, information=information, pull=None)
-    sighting = Sighting.of(estimate, Prior(State(np.eye(4), np.zeros(2)), stiffness))
-    np.testing.assert_allclose(sighting.information, information + np.diag(stiffness))
-    assert sighting.pull is None
+    estimate = SimpleNamespace(stamp_ns=5, state=state, information=information, innovation=None)
+    measurement = Measurement.of(estimate, Prior(State(np.eye(4), np.zeros(2)), stiffness))
+    np.testing.assert_allclose(measurement.information, information + np.diag(stiffness))
+    assert measurement.innovation is None
 
 
 def test_two_sightings_of_one_instant_are_one_twice_as_sure():
     """No time passes between them, and neither does the body move."""
     state, other = State(np.eye(4), np.zeros(2)), State(np.eye(4), np.array([0.2, 0.0]))
     information = 1e4 * np.eye(N)
-    sightings = [Sighting(10, one, information, information @ one.difference(state) * 0.0) for one in (state, other)]
-    first, second = smooth(sightings, DYNAMICS)
+    measurements = [Measurement(10, one, information, information @ one.difference(state) * 0.0) for one in (state, other)]
+    first, second = smooth(measurements, DYNAMICS)
     np.testing.assert_allclose(second.state_covariance, np.linalg.inv(2e4 * np.eye(N) + np.eye(N)), rtol=1e-6)
     np.testing.assert_allclose(first.state_covariance, second.state_covariance, rtol=1e-6)
     np.testing.assert_allclose(first.state.joint_positions, second.state.joint_positions, atol=1e-9)

@@ -134,9 +134,9 @@ class _Level:
     def camera_sums(self, index: int, configuration: Configuration, Ts_world_shape: np.ndarray) -> None:
         """Fill the sums of one camera."""
         constants, views = self.constants, self.views
-        verdict = kernel.NOT_SMOOTH
+        outcome = kernel.NOT_SMOOTH
         if constants.vectorized:
-            verdict = sums.linearize_camera(
+            outcome = sums.linearize_camera(
                 self.form,
                 (constants.kinds, constants.dims, self.used, constants.colors_rgb[index]),
                 (
@@ -146,7 +146,7 @@ class _Level:
                 (views.views[index], views.rays, views.planes),
                 constants.directed, self.weights, Ts_world_shape, self.work[index], self.sums[index],
             )  # fmt: skip
-        if verdict == kernel.NOT_SMOOTH:
+        if outcome == kernel.NOT_SMOOTH:
             linearize_with_cast(configuration, self.rig.cameras[index], constants, index, views, self.weights, self.sums[index])
 
 

@@ -16,7 +16,7 @@ _OWN = 0.25  # fraction of a line's own variance that does not average out
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def add_crowding(lines, info, n, taken, found, length_px, sums):
+def add_correlated(lines, info, n, taken, found, length_px, sums):
     """Add what one camera's lines contribute to the scatter of a fit, and to its information.
 
     A line's weight goes by its own variance plus ``taken``. What adds up in a fit is ``found`` and a quarter of the line's own.

@@ -137,7 +137,7 @@ class LiveCamera:
         check_size(self._camera, native_size)
         self._record(stamp_ns, content)
         preparation = self._prepared(native_size)
-        for at_ns, part in self._instants(stamp_ns, content, preparation):
+        for at_ns, part in self._fields(stamp_ns, content, preparation):
             image = preparation.image(at_ns, part)
             self.counts.duplicated += self._before is not None and is_repetition(self._before, image)
             self._before = image
@@ -154,7 +154,7 @@ class LiveCamera:
             self._prepared_for = native_size, bayer
         return self._preparation
 
-    def _instants(
+    def _fields(
         self, stamp_ns: int, content: np.ndarray | bytes, preparation: Preparation
     ) -> Iterable[tuple[int, np.ndarray | bytes]]:
         """The image, or its two fields, the second half a period after the first."""

@@ -19,7 +19,7 @@ from ...objective.per_camera import bodies_seen
 from ...observation.chamfer.observer import Observation, Observer
 from ...optimize.fitter import Fit, Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
-from ...render.occluders import Occluders, Sight
+from ...render.occluders import BodyRegion, Occluders
 from ...render.shape_arrays import ShapeArrays
 from ..config import ChamferConfig, TrackerConfig
 from ..constraints import constraints_of, resting, staying
@@ -84,14 +84,14 @@ class ChamferModality(Modality):
     def learn_first(self, images: Images, state: State, lesson: int) -> None:
         """Learn the appearance of body and background anew."""
         self._delays = None
-        sights = self._look(state, images)
+        regions = self._look(state, images)
 
         def learn(i: int) -> None:
-            image, sight = images[i], sights[i]
-            assert image is not None and sight is not None
-            self._observers[i].begin(image, sight.region, sight.labels, lesson)
+            image, body = images[i], regions[i]
+            assert image is not None and body is not None
+            self._observers[i].begin(image, body.region, body.labels, lesson)
 
-        self._body.parallel(learn, _seen(images, sights))
+        self._body.parallel(learn, _seen(images, regions))
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
@@ -101,14 +101,14 @@ class ChamferModality(Modality):
         self.observations = [None] * len(self._rig)
         if expected is None:
             return
-        sights = self._look(expected, images)
+        regions = self._look(expected, images)
 
         def observe(i: int) -> None:
-            image, sight = images[i], sights[i]
-            assert image is not None and sight is not None
-            self.observations[i] = _uncovered(self._observers[i].observe(image, sight.region, sight.labels), sight.veil)
+            image, body = images[i], regions[i]
+            assert image is not None and body is not None
+            self.observations[i] = _uncovered(self._observers[i].observe(image, body.region, body.labels), body.occlusion)
 
-        self._body.parallel(observe, _seen(images, sights))
+        self._body.parallel(observe, _seen(images, regions))
 
     def correspond(self, state: State, detail: str) -> ContourCorrespondences:
         """Distances of the contours that are seen in a state; they hold for other states too."""
@@ -124,27 +124,27 @@ class ChamferModality(Modality):
         self._count += 1
         if not any(self._observers[i].learns for i, image in enumerate(turn) if image is not None):
             return
-        sights = self._look(state, turn)
+        regions = self._look(state, turn)
 
         def learn(i: int) -> None:
-            image, sight = turn[i], sights[i]
-            assert image is not None and sight is not None
-            self._observers[i].learn(image, sight.region, sight.labels)
+            image, body = turn[i], regions[i]
+            assert image is not None and body is not None
+            self._observers[i].learn(image, body.region, body.labels)
 
-        self._body.parallel(learn, _seen(turn, sights))
+        self._body.parallel(learn, _seen(turn, regions))
 
-    def _look(self, state: State, images: Images) -> list[Sight | None]:
+    def _look(self, state: State, images: Images) -> list[BodyRegion | None]:
         """Where the body is in the cameras that have an image, if it is in ``state``."""
         bodies = bodies_seen(self._body.model, state, self._offsets(state))
 
-        def look(i: int) -> Sight | None:
+        def look(i: int) -> BodyRegion | None:
             found = self._occluders.look(i, bodies[i], self._rig.cameras[i], self._config.chamfer.margin_px)
             return None if found is None or min(found.labels.shape) < _LEAST_REGION_PX else found
 
         present = [i for i, image in enumerate(images) if image is not None]
-        result: list[Sight | None] = [None] * len(self._rig)
-        for i, sight in zip(present, self._body.parallel(look, present), strict=True):
-            result[i] = sight
+        result: list[BodyRegion | None] = [None] * len(self._rig)
+        for i, body in zip(present, self._body.parallel(look, present), strict=True):
+            result[i] = body
         return result
 
     def _offsets(self, state: State) -> list[np.ndarray | None]:
@@ -168,8 +168,8 @@ def options_of(chamfer: ChamferConfig) -> dict[str, ContourOptions]:
     return {COARSE: coarse, FINE: replace(coarse, boundary_weight=0.0, robust_scale_px=chamfer.fine_robust_scale_px)}
 
 
-def _seen(images: Images, sights: Sequence[Sight | None]) -> list[int]:
-    return [i for i, (image, sight) in enumerate(zip(images, sights, strict=True)) if image is not None and sight is not None]
+def _seen(images: Images, regions: Sequence[BodyRegion | None]) -> list[int]:
+    return [i for i, (image, body) in enumerate(zip(images, regions, strict=True)) if image is not None and body is not None]
 
 
 def _uncovered(observation: Observation, mask: np.ndarray | None) -> Observation:

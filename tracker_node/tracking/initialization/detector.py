@@ -2,7 +2,7 @@
 
 From coarse to fine, on images in which the body is some eighty pixels high: log-odds of body against scene for every pixel
 (`evidence`); from these a visual hull, and in it the places where a body may stand (`objective.area.visual_hull`);
-postures from a small library at these places, in all headings, by how much of the evidence they cover
+poses from a small library at these places, in all headings, by how much of the evidence they cover
 (`objective.area.score`); the best are drawn to the silhouettes and get other limbs tried (`fit`,
 `search`). What is left are a few starts for the engine.
 """
@@ -27,14 +27,14 @@ from ..config import InitializationConfig
 from ..modality import Images
 from .evidence import StartCoverage, StartEvidence
 from .parts import LimbAlternatives
-from .pose_library import postures
+from .pose_library import library_poses
 from .search import HypothesisSearch, Poses, SilhouetteFit
 from .segmentation import StartSegmentation
 
 _VOXELS = 14  # along the body
 _HEADINGS = 12
 _PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a share of all evidence
-_RANDOM_POSTURES = 16
+_RANDOM_POSES = 16
 _PLACES = 3
 _SHAKES = 3
 _LIMB_SAMPLES = 48
@@ -78,8 +78,8 @@ class PoseDetector:
         self.size_m = body_size(model)
         self._views = [SmallView(camera, scale) for camera, scale in zip(rig, _scales(rig, self.size_m, config), strict=True)]
         self._cameras = [view.camera for view in self._views]
-        self._postures = postures(model, _RANDOM_POSTURES, config.seed)
-        self._middles = np.array([_middle(model, State(np.eye(4), joints)) for joints in self._postures])
+        self._library = library_poses(model, _RANDOM_POSES, config.seed)
+        self._middles = np.array([_middle(model, State(np.eye(4), joints)) for joints in self._library])
         small = {}
         for camera, view in zip(rig, self._views, strict=True):
             if camera.name in backgrounds:
@@ -183,12 +183,12 @@ class PoseDetector:
 
     def _hypotheses(self, middles: np.ndarray, around: State | None) -> Poses:
         turns = self._turns()
-        n = len(middles) * len(turns) * len(self._postures)
+        n = len(middles) * len(turns) * len(self._library)
         roots = np.tile(np.eye(4), (n, 1, 1))
-        places_of, turn_of, posture_of = np.unravel_index(np.arange(n), (len(middles), len(turns), len(self._postures)))
+        places_of, turn_of, pose_of = np.unravel_index(np.arange(n), (len(middles), len(turns), len(self._library)))
         roots[:, :3, :3] = turns[turn_of]
-        roots[:, :3, 3] = middles[places_of] - np.einsum("nij,nj->ni", turns[turn_of], self._middles[posture_of])
-        poses = Poses(roots, self._postures[posture_of])
+        roots[:, :3, 3] = middles[places_of] - np.einsum("nij,nj->ni", turns[turn_of], self._middles[pose_of])
+        poses = Poses(roots, self._library[pose_of])
         return poses if around is None else Poses.joined([Poses.of([around]), poses])
 
     def _turns(self) -> np.ndarray:

@@ -136,12 +136,12 @@ class LimbAlternatives:
 
     def _densities(self, counts: np.ndarray) -> np.ndarray:
         """(n_shapes, bins) from counted pixels of that shape; few are helped out by those of the whole body."""
-        told = self._stated.any(axis=1)
-        as_stated = (counts * (self._stated > 1.0 / counts.shape[1]))[told].sum()
-        believed = as_stated > _BORNE_OUT * max(float(counts[told].sum()), 1.0)
-        if not believed:
+        stated = self._stated.any(axis=1)
+        as_stated = (counts * (self._stated > 1.0 / counts.shape[1]))[stated].sum()
+        borne_out = as_stated > _BORNE_OUT * max(float(counts[stated].sum()), 1.0)
+        if not borne_out:
             counts = 0.5 * (counts + counts[self._partners])
         totals = counts.sum(axis=1)
         whole = counts.sum(axis=0) / max(float(totals.sum()), 1.0)
         result = (counts + _BODY_COUNT * whole) / (totals + _BODY_COUNT)[:, None]
-        return np.where((told & believed)[:, None], 0.5 * (result + self._stated), result)
+        return np.where((stated & borne_out)[:, None], 0.5 * (result + self._stated), result)

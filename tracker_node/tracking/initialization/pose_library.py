@@ -1,6 +1,6 @@
 """Poses to begin a search with.
 
-A body whose axes have the names of the human's gets postures that people are found in; any body gets its neutral posture and
+A body whose axes have the names of the human's gets poses that people are found in; any body gets its neutral pose and
 samples between its limits.
 """
 
@@ -69,7 +69,7 @@ def reachable(chain: KinematicChain) -> tuple[np.ndarray, np.ndarray]:
     return np.maximum(chain.lower, neutral - wide), np.minimum(chain.upper, neutral + wide)
 
 
-def postures(model: ArticulatedModel, n_random: int, seed: int) -> np.ndarray:
+def library_poses(model: ArticulatedModel, n_random: int, seed: int) -> np.ndarray:
     """Joint angles of typical and of random poses.
 
     Parameters

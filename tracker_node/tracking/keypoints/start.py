@@ -37,7 +37,7 @@ class PointStart:
     def __init__(self, rig: CameraRig, model: ArticulatedModel, fitting: KeypointFitting):
         self._rig, self._model, self._fitting = rig, model, fitting
         self._focus, self._limbs = _focus(rig), limbs_of(model)[1:]
-        self._steady = np.argsort(_mobility(model, fitting.modality.offsets.body), kind="stable")
+        self._least_mobile = np.argsort(_mobility(model, fitting.modality.offsets.body), kind="stable")
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """The state of the person nearest to a place, of those whom the body suits.
@@ -104,7 +104,7 @@ class PointStart:
         targets = group.points[[names.index(name) for name in modality.names]]
         body = modality.offsets.body
         known = np.isfinite(targets).all(axis=1)
-        use = self._steady[known[self._steady]][:_LEAST_PLACED]
+        use = self._least_mobile[known[self._least_mobile]][:_LEAST_PLACED]
         if len(use) < _LEAST_PLACED:
             return None
         own = body.places(neutral)[use]

@@ -186,10 +186,10 @@ class LimbJudge:
         return np.minimum(measures / self._levels[i], 1.5)
 
     def _first_levels(self, measures: Sequence[np.ndarray | None]) -> np.ndarray:
-        """Those of the middle limb, for all: one that is off from the beginning is not to be the standard of itself."""
+        """Those of the median limb, for all: one that is off from the beginning is not to be the standard of itself."""
         seen = [m for m in measures if m is not None]
-        middle = np.median(seen, axis=0) if seen else _LEAST_LEVELS
-        return np.tile(np.maximum(middle, _LEAST_LEVELS), (len(self.limbs), 1))
+        median = np.median(seen, axis=0) if seen else _LEAST_LEVELS
+        return np.tile(np.maximum(median, _LEAST_LEVELS), (len(self.limbs), 1))
 
     def nothing_seen(self) -> tuple[LimbReport, ...]:
         """Reports of a set in which no camera sees anything."""

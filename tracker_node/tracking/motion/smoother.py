@@ -27,21 +27,21 @@ _ROTATION = slice(3, 6)
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class Measurement:
     """The measurement of one image set.
 
-    ``information`` (n_dof, n_dof): inverse covariance that its images alone give of ``state``; None where they are not believed,
-    and neither is the state. ``pull`` (n_dof,): that times the tangent from ``state`` to where they alone have the body; None:
+    ``information`` (n_dof, n_dof): inverse covariance that its images alone give of ``state``; None where neither they nor
+    the state count. ``innovation`` (n_dof,): that times the tangent from ``state`` to where they alone have the body; None:
     the state is what the smoother's own prediction and the images make most probable.
     """
 
     stamp_ns: int
     state: State
     information: np.ndarray | None
-    pull: np.ndarray | None = None
+    innovation: np.ndarray | None = None
 
     @classmethod
-    def of(cls, estimate: TrackEstimate, rest: Prior) -> Sighting:
+    def of(cls, estimate: TrackEstimate, rest: Prior) -> Measurement:
         """What an estimate rests on but its prediction: images, and the prior of the neutral pose.
 
         Parameters
@@ -55,10 +55,10 @@ class Sighting:
         """
         if estimate.information is None:
             return cls(estimate.stamp_ns, estimate.state, None)
-        H, uphill = np.zeros_like(estimate.information), np.zeros(len(estimate.information))
-        rest.add_to(H, uphill, estimate.state)
-        pull = None if estimate.pull is None else estimate.pull - uphill
-        return cls(estimate.stamp_ns, estimate.state, estimate.information + H, pull)
+        H, gradient = np.zeros_like(estimate.information), np.zeros(len(estimate.information))
+        rest.add_to(H, gradient, estimate.state)
+        innovation = None if estimate.innovation is None else estimate.innovation - gradient
+        return cls(estimate.stamp_ns, estimate.state, estimate.information + H, innovation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,16 +100,16 @@ def _carried(covariance: np.ndarray, turned: np.ndarray) -> np.ndarray:
     return result
 
 
-def _most_probable(predicted: Belief, sighting: Sighting) -> State:
+def _most_probable(predicted: Belief, measurement: Measurement) -> State:
     """By ``predicted`` and what was seen, which is Gaussian about its state.
 
     The tracker's own state is that by its prediction, which expects more of a body than the smoother does.
     """
-    if sighting.pull is None or sighting.information is None:
-        return sighting.state
-    H, uphill = sighting.information.copy(), -sighting.pull
-    predicted.prior().add_to(H, uphill, sighting.state)
-    return sighting.state.retract(-np.linalg.solve(H, uphill))
+    if measurement.innovation is None or measurement.information is None:
+        return measurement.state
+    H, gradient = measurement.information.copy(), -measurement.innovation
+    predicted.prior().add_to(H, gradient, measurement.state)
+    return measurement.state.retract(-np.linalg.solve(H, gradient))
 
 
 def smoothed_covariance(belief: Belief, estimate: TrackEstimate) -> np.ndarray:
@@ -134,7 +134,7 @@ def smoothed_covariance(belief: Belief, estimate: TrackEstimate) -> np.ndarray:
 
 
 class Smoother:
-    """Smooths as sightings come; each is answered once it is ``lag_s`` old, or at the end.
+    """Smooths as measurements come; each is answered once it is ``lag_s`` old, or at the end.
 
     Parameters
     ----------
@@ -148,34 +148,35 @@ class Smoother:
         self._dynamics, self._lag_s = dynamics, lag_s
         self._stamps_ns: deque[int] = deque()
         self._filtered: deque[Belief | None] = deque()
-        self._links: deque[_Link | None] = deque()  # from each sighting to the one after it
+        self._links: deque[_Link | None] = deque()  # from each measurement to the one after it
 
-    def add(self, sighting: Sighting) -> list[Belief | None]:
+    def add(self, measurement: Measurement) -> list[Belief | None]:
         """Beliefs that are now old enough, in order of time; None for what comes before the first belief."""
-        if self._stamps_ns and sighting.stamp_ns < self._stamps_ns[-1]:
-            raise ValueError(f"expected sightings in order of time, got {sighting.stamp_ns} ns after {self._stamps_ns[-1]} ns")
-        self._append(sighting)
-        n_due = sum((sighting.stamp_ns - stamp_ns) * 1e-9 >= self._lag_s for stamp_ns in self._stamps_ns)
+        if self._stamps_ns and measurement.stamp_ns < self._stamps_ns[-1]:
+            got = f"{measurement.stamp_ns} ns after {self._stamps_ns[-1]} ns"
+            raise ValueError(f"expected measurements in order of time, got {got}")
+        self._append(measurement)
+        n_due = sum((measurement.stamp_ns - stamp_ns) * 1e-9 >= self._lag_s for stamp_ns in self._stamps_ns)
         return self._take(n_due)
 
     def finish(self) -> list[Belief | None]:
         """All that is left."""
         return self._take(len(self._stamps_ns))
 
-    def _append(self, sighting: Sighting) -> None:
+    def _append(self, measurement: Measurement) -> None:
         before = self._filtered[-1] if self._filtered else None
         link = None
         if before is None:
-            information = sighting.information
-            belief = None if information is None else self._dynamics.start(sighting.state, information)
+            information = measurement.information
+            belief = None if information is None else self._dynamics.start(measurement.state, information)
         else:
-            link = _Link(self._dynamics, before, (sighting.stamp_ns - self._stamps_ns[-1]) * 1e-9)
+            link = _Link(self._dynamics, before, (measurement.stamp_ns - self._stamps_ns[-1]) * 1e-9)
             belief = link.predicted
-            if sighting.information is not None:
-                belief = correct(belief, _most_probable(belief, sighting), sighting.information)
+            if measurement.information is not None:
+                belief = correct(belief, _most_probable(belief, measurement), measurement.information)
         if self._filtered:
             self._links[-1] = link
-        self._stamps_ns.append(sighting.stamp_ns)
+        self._stamps_ns.append(measurement.stamp_ns)
         self._filtered.append(belief)
         self._links.append(None)
 
@@ -195,12 +196,12 @@ class Smoother:
         return result[:count]
 
 
-def smooth(sightings: Iterable[Sighting], dynamics: Dynamics, lag_s: float = math.inf) -> Iterator[Belief | None]:
-    """One belief per sighting, in their order.
+def smooth(measurements: Iterable[Measurement], dynamics: Dynamics, lag_s: float = math.inf) -> Iterator[Belief | None]:
+    """One belief per measurement, in their order.
 
     Parameters
     ----------
-    sightings : in the order of time.
+    measurements : in the order of time.
     dynamics, lag_s : see `Smoother`.
 
     Yields
@@ -208,6 +209,6 @@ def smooth(sightings: Iterable[Sighting], dynamics: Dynamics, lag_s: float = mat
     None where `Smoother` has none.
     """
     smoother = Smoother(dynamics, lag_s)
-    for sighting in sightings:
-        yield from smoother.add(sighting)
+    for measurement in measurements:
+        yield from smoother.add(measurement)
     yield from smoother.finish()

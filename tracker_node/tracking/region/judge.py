@@ -17,7 +17,7 @@ from ...model.configuration import Configuration, State
 from ...objective.contour_residual import assemble
 from ...objective.lines import correspondence as kernel
 from ...objective.lines.correspondences import LineCorrespondences, PartEvidence
-from ...objective.lines.spacing import add_crowding
+from ...objective.lines.spacing import add_correlated
 from ...observation.image_set import ImageSet
 from ..assessment import Assessment, Report, assess_cameras
 from ..config import RegionConfig, TrackerConfig
@@ -162,7 +162,7 @@ class LineErrors:
             if camera is None:
                 continue
             normal += camera.normal
-            spread += self._crowding(lines, i, found)[:, None, None] * camera.normal
+            spread += self._correlated(lines, i, found)[:, None, None] * camera.normal
             shifts += camera.normal @ self._shift(i, body)
         clothes = np.zeros_like(normal)
         if surfaces is not None:  # they are unknown, and what is known of them has errors of its own
@@ -181,11 +181,11 @@ class LineErrors:
         alone = equations.g if share == 1.0 else None
         return ImageEvidence(share * information, share**2 * scatter, share * normal, alone)
 
-    def _crowding(self, lines: LineCorrespondences, i: int, found: float) -> np.ndarray:
+    def _correlated(self, lines: LineCorrespondences, i: int, found: float) -> np.ndarray:
         """(n_links,): what the lines of camera ``i`` add to the scatter, in what they add to the information."""
         own, sums = lines.cameras[i], np.zeros((len(self._middles), 2))
         assert own is not None
-        add_crowding(own.lines, own.info, len(own.lines), lines.variance, found, self._config.line_correlation_px, sums)
+        add_correlated(own.lines, own.info, len(own.lines), lines.variance, found, self._config.line_correlation_px, sums)
         return sums[:, 0] / np.maximum(sums[:, 1], 1e-12)
 
     def _shift(self, i: int, body: Configuration) -> np.ndarray:

@@ -63,13 +63,13 @@ class ImageEvidence:
         gradient = np.zeros(len(scale)) if self.gradient is None else self.gradient
         columns = np.column_stack([self.information, -gradient])
         half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * columns)
-        M, pull = half[:, :-1].T @ half[:, :-1], half[:, :-1].T @ half[:, -1]
+        M, innovation = half[:, :-1].T @ half[:, :-1], half[:, :-1].T @ half[:, -1]
         if weights is not None and (weights != 1.0).any():
             scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-6 * max(float(np.diag(M).max()), 1.0)))
-            tangent = scale * np.linalg.solve(M * np.outer(scale, scale) + 1e-6 * np.eye(len(M)), scale * pull)
+            tangent = scale * np.linalg.solve(M * np.outer(scale, scale) + 1e-6 * np.eye(len(M)), scale * innovation)
             M = np.outer(weights, weights) * M
-            pull = M @ tangent
-        return M, None if self.gradient is None else pull
+            innovation = M @ tangent
+        return M, None if self.gradient is None else innovation
 
     def weighted(self, weights: np.ndarray, moved_by: np.ndarray) -> ImageEvidence:
         """The same with some degrees of freedom counting less.
@@ -108,19 +108,21 @@ def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configurat
         return 0.5 * (inverse + inverse.T), np.zeros_like(inverse)
     covariance = inverse @ (total - images.information + images.scatter) @ inverse
     covariance = 0.5 * (covariance + covariance.T)
-    arcs = _hardly_known(covariance, inverse, images, body)
-    arcs = 0.5 * (arcs + arcs.T)
-    return covariance + arcs, arcs
+    second_order = _hardly_known(covariance, inverse, images, body)
+    second_order = 0.5 * (second_order + second_order.T)
+    return covariance + second_order, second_order
 
 
 def _hardly_known(covariance: np.ndarray, inverse: np.ndarray, images: ImageEvidence, body: Configuration) -> np.ndarray:
     """Second-order terms of directions that are hardly known."""
     variance, directions = np.linalg.eigh(covariance)
     bent = variance * variance[-1] > _WELL_KNOWN**2  # with the least known, if not alone
-    return BEYOND_SECOND_ORDER * _arcs(np.minimum(variance[bent], _FARTHEST), directions[:, bent], inverse, images, body)
+    return BEYOND_SECOND_ORDER * _second_moment(
+        np.minimum(variance[bent], _FARTHEST), directions[:, bent], inverse, images, body
+    )
 
 
-def _arcs(
+def _second_moment(
     variance: np.ndarray, directions: np.ndarray, inverse: np.ndarray, images: ImageEvidence, body: Configuration
 ) -> np.ndarray:
     """Second moment (n_dof, n_dof) of what makes up for the bends of ``directions`` (n_dof, k) of ``variance`` (k,).
@@ -133,8 +135,8 @@ def _arcs(
     bent = product > _WELL_KNOWN**2
     first, second, product = first[bent], second[bent], product[bent]
     moved, twists = body.model.chain.link_moved_by, body.twists
-    pulls = (images.normal[None] @ link_bends(body, directions, (first, second))[..., None])[..., 0]
-    bends = inverse @ ((moved.T @ pulls) * twists).sum(axis=2).T
+    gradients = (images.normal[None] @ link_bends(body, directions, (first, second))[..., None])[..., 0]
+    bends = inverse @ ((moved.T @ gradients) * twists).sum(axis=2).T
     alone = first == second
     mean = 0.5 * bends[:, alone] @ variance[first[alone]]
     return (bends * np.where(alone, 0.5, 1.0) * product) @ bends.T + np.outer(mean, mean)
