@@ -62,7 +62,7 @@ def test_the_newest_late_points_win(bench):
         bench.track(i)
     bench.put(1, 2)
     assert bench.track(4) == 2
-    assert bench.counts == {"late": 1, "superseded": 1}
+    assert bench.counts == {"late": 1, "overtaken": 1}
 
 
 def test_points_of_an_image_that_was_lost_are_used(bench):

@@ -17,11 +17,11 @@ from ...runs.points import DetectedPeople, with_people
 from ...tracking.keypoints.late import MOST_LATE_S
 
 IN_TIME, LATE = "in time", "late"
-SUPERSEDED, TOO_OLD, DUPLICATE, UNMATCHED = "superseded", "too old", "duplicate", "unmatched"
-REASONS = (IN_TIME, LATE, SUPERSEDED, TOO_OLD, DUPLICATE, UNMATCHED)
+OVERTAKEN, TOO_OLD, DUPLICATE, UNMATCHED = "overtaken", "too old", "duplicate", "unmatched"
+REASONS = (IN_TIME, LATE, OVERTAKEN, TOO_OLD, DUPLICATE, UNMATCHED)
 """What becomes of the points of one image.
 
-``in time``: used with the set of their image. ``late``: with a later one. ``superseded``: later points of the camera were there.
+``in time``: used with the set of their image. ``late``: with a later one. ``overtaken``: later points of the camera were there.
 ``too old``: by more than `MOST_LATE_S`, or before a backward jump of stamps. ``duplicate``: the same image had some already.
 ``unmatched``: no image of the camera has such a stamp, or one within an image period of it.
 """
@@ -159,7 +159,7 @@ class PointMatching:
                 if chosen is None:
                     chosen, lane.counts[reason] = lane.waiting.pop(stamp_ns), lane.counts[reason] + 1
                     continue
-                reason = SUPERSEDED
+                reason = OVERTAKEN
             self._drop(lane, stamp_ns, reason)
         return image if chosen is None else with_people(image, chosen)
 
