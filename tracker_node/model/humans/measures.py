@@ -1,6 +1,6 @@
 """Measures of the human body, meters, and the names under which other programs know its landmarks.
 
-Lengths are shares of stature: Drillis & Contini (1966), *Body segment parameters*, as tabulated in Winter (2009),
+Lengths are fractions of stature: Drillis & Contini (1966), *Body segment parameters*, as tabulated in Winter (2009),
 *Biomechanics and Motor Control of Human Movement*, fig. 4.1. Girths, breadths and depths are rounded means of the men of
 Gordon et al. (1989), *1988 Anthropometric Survey of U.S. Army Personnel* (mean stature 1.756 m), scaled with stature.
 """
@@ -33,7 +33,7 @@ class HumanMeasures:
     """All lengths in meters, for a man of 1.75 m unless said otherwise; `of_stature` scales them all."""
 
     stature: float = REFERENCE_STATURE
-    # Legs and arms: shares of stature
+    # Legs and arms: fractions of stature
     thigh_length: float = _share(0.530 - 0.285)
     shank_length: float = _share(0.285 - 0.039)
     ankle_height: float = _share(0.039)

@@ -13,12 +13,12 @@ NO_SILHOUETTE: PackedSilhouette = np.zeros((0, 0), np.uint8), np.ones(256, np.fl
 UNKNOWN = 128  # value of pixels that nothing is known of
 
 
-def odds_table(share: float, most: float) -> np.ndarray:
+def odds_table(weight: float, most: float) -> np.ndarray:
     """What the values of a silhouette are worth.
 
     Parameters
     ----------
-    share : factor of the network's log odds.
+    weight : factor of the network's log odds.
     most : largest absolute log odds.
 
     Returns
@@ -26,7 +26,7 @@ def odds_table(share: float, most: float) -> np.ndarray:
     (256,) float32, see `PackedSilhouette`; 1 of `UNKNOWN`.
     """
     p = (np.arange(256) + 0.5) / 256.0
-    log_odds = np.clip(share * np.log(p / (1.0 - p)), -most, most)
+    log_odds = np.clip(weight * np.log(p / (1.0 - p)), -most, most)
     log_odds[UNKNOWN] = 0.0
     return np.exp(-log_odds).astype(np.float32)
 

@@ -24,10 +24,10 @@ from .modality import ChamferModality
 
 _NOISE = 0.15  # agreement below this is that of noise: a body that is merely off has more
 _LEAST_SAMPLES = 20
-_AS_BEFORE = 0.93  # share of the agreement of before a loss, from which a body is where it was
+_AS_BEFORE = 0.93  # fraction of the agreement of before a loss, from which a body is where it was
 _RUNNING = 3  # image sets of such agreement in a row
 _FORGIVING = 0.002  # the same of a body that was lost, while it does not agree as before
-_LEVEL_RATE = 0.1  # share of the newest image set in the agreement that is usual
+_LEVEL_RATE = 0.1  # weight of the newest image set in the agreement that is usual
 
 
 class ChamferJudge(Judge):

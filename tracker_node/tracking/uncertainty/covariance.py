@@ -38,7 +38,7 @@ class ImageEvidence:
 
     Attributes
     ----------
-    information : (n_dof, n_dof) their share of H, in the tangent of the state.
+    information : (n_dof, n_dof) their part of H, in the tangent of the state.
     scatter : (n_dof, n_dof) covariance of their gradient.
     normal : (n_links, 6, 6) their information on the spatial twist of each link.
     gradient : (n_dof,) of what they cost the state, half of it, as in the normal equations; None where the fit went by other
@@ -172,7 +172,7 @@ def _brackets(twists: np.ndarray) -> np.ndarray:
 
 
 UNSEEN_M = 0.05
-_ALONE = 0.98  # share of a degree of freedom that lies in the unseen directions, for it to be one of them by itself
+_ALONE = 0.98  # fraction of a degree of freedom that lies in the unseen directions, for it to be one of them by itself
 _PURE = 0.9  # of a direction that is a translation, or a rotation, of the root
 _NOTABLE = 0.3  # least part in a direction that is worth its name
 _ROOT = ("root translation along", "root rotation about")
