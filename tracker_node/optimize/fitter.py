@@ -42,7 +42,7 @@ class Stage:
     detail : how correspondences are found, in the terms of who finds them.
     solver : Levenberg-Marquardt while they stay as they are; None: one Gauss-Newton step, taken whatever it costs.
     damping : of that step, relative to the diagonal of H; a number, or (n_dof,).
-    curvature : of the leading correspondences in that step: share of their H that their robust cost really has.
+    curvature : of the leading correspondences in that step: fraction of their H that their robust cost really has.
     dofs : (n_dof,) mask of what may move; None: everything.
     links : (n_links,) mask of those whose correspondences count, where these can be told apart (`on_links`); None: all.
     renew : whether correspondences are found anew; else those of the stage before hold.

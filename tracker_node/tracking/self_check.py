@@ -30,7 +30,7 @@ _N = 4  # parameters of a camera's fault: rotation (3), delay
 _KINDS = ((0, 1), (0, 1, 2), (3,), (0, 1, 3), (0, 1, 2, 3))
 _BLOCKS, _LEAST_BLOCKS = 8, 4
 _PRICE = 6.0  # of a parameter, in the units of chi-squared: what noise gains by it, and some more
-_ALIKE = 0.6  # share of what one camera explains from which on another might as well be the cause
+_ALIKE = 0.6  # fraction of what one camera explains from which on another might as well be the cause
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from .self_check import SelfCheck, SelfCheckOptions
 from .uncertainty.covariance import ImageEvidence, fit_covariance
 
 _LOST_SETS = 2  # image sets in which a body was LOST, after which a detector's points say where it is
-_CLEARLY = 0.05  # share of its log-likelihood ratio by which another place has to be better than one that is not lost
+_CLEARLY = 0.05  # fraction of its log-likelihood ratio by which another place has to be better than one that is not lost
 
 
 @dataclass(eq=False)

@@ -29,7 +29,7 @@ _AROUND = 0.1  # of the longer side: how far a person goes on beyond the outermo
 class CovarianceRule:
     """Standard deviation of a point of which a file tells a score only.
 
-    It is the same along u and v: a share of the person's size in the image (longer side of the box) that falls in a straight line
+    It is the same in u and v: a fraction of the person's size in the image (longer side of the box) that falls in a straight line
     from score 0 to score 1.
 
     Attributes

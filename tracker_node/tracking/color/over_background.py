@@ -40,7 +40,7 @@ _STAGE = SteppingOptions(schedule((20, 8), (5, 2), (2, 2)))
 _FIRST_STAGE = SteppingOptions(schedule((50, 20, 8), (10, 5, 2), (2, 2, 2)))
 _POLISH = SteppingOptions(schedule((6, 3), (1.5, 0.7)))
 _LOST_SHARE, _DEGRADED_SHARE = 0.2, 0.3  # of what is to be explained around the body
-_SQUARED_LEVELS = 3e7  # of the other color scores, that a share of one is worth to the priors
+_SQUARED_LEVELS = 3e7  # of the other color scores, that a fraction of one is worth to the priors
 
 
 class BackgroundScores(ColorScores):

@@ -33,7 +33,7 @@ from .segmentation import StartSegmentation
 
 _VOXELS = 14  # along the body
 _HEADINGS = 12
-_PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a share of all evidence
+_PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a fraction of all evidence
 _RANDOM_POSES = 16
 _PLACES = 3
 _SHAKES = 3

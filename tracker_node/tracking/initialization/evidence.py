@@ -199,7 +199,7 @@ class StartCoverage:
         self._model, self._cameras, self._sure = model, tuple(cameras), list(sure)
 
     def uncovered(self, state: State) -> float:
-        """What is surely of the body but beside ``state``, as a share of the pixels that this covers in the same images."""
+        """What is surely of the body but beside ``state``, as a fraction of the pixels that this covers in the same images."""
         body, beside, covered = Configuration(self._model, state), 0, 0
         for camera, sure in zip(self._cameras, self._sure, strict=True):
             if sure is None:

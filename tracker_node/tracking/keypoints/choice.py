@@ -14,10 +14,10 @@ from .people_groups import mirrored
 from .start import PointStart
 
 _EXPECTED_M = 0.10  # how far from where they are expected points are, as a standard deviation
-_OUTLIER = 0.15  # share of points that are anywhere
+_OUTLIER = 0.15  # fraction of points that are anywhere
 _LEAST = 2.0  # log-likelihood ratio, a point that is sure, of the body against anybody
 _SWAP_PRIOR = -2.0  # log odds of a swap before anything has been seen, a person
-_SWAP_KEPT = 0.7  # share of a camera's log odds of a swap that is kept from set to set
+_SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from set to set
 
 
 class PersonChoice(Choice):

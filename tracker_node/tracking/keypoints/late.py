@@ -24,7 +24,7 @@ from .modality import points_of
 
 MOST_LATE_S = 1.0  # points that are older say nothing of the present
 _KEPT = 256  # image sets
-_WANDERS = 0.25  # error of the moved distance, as a share of it
+_WANDERS = 0.25  # error of the moved distance, as a fraction of it
 _WANDERS_M_S = 0.1  # and of a body at rest, for each second
 _HEIGHT_M = 1.7  # of a person, for meters in pixels
 

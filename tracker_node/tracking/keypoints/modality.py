@@ -23,7 +23,7 @@ from ..config import KeypointConfig
 from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 
-_OUTLIERS_UNSURE = 0.4  # share of outliers among points whose score is nothing; measured on the clips of the offsets
+_OUTLIERS_UNSURE = 0.4  # fraction of outliers among points whose score is nothing; measured on the clips of the offsets
 
 
 def points_of(model: ArticulatedModel, table: KeypointTable, offset_scale: float = 1.0) -> tuple[tuple[str, ...], BodyPoints]:

@@ -19,7 +19,7 @@ from .people_groups import PersonGroup, grouped
 _LEAST_PLACED = 4  # points by which a body is placed
 _SUITS = 3.0  # times what the points of the best person cost
 _MOST_GROUPS = 4  # people who are tried
-_LEAST_SEEN = 0.5  # share of the cameras of the one whom most see: a passer-by hides the body from some
+_LEAST_SEEN = 0.5  # fraction of the cameras of the one whom most see: a passer-by hides the body from some
 _LEAST_APART_M = 0.3  # roots of two people
 _LEAST_INLIERS = 0.5  # fraction of the points that have to be no outliers
 _TURNS = (0.0, np.pi)  # of the body about its vertical axis, tried after placing it

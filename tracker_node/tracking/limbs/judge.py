@@ -27,7 +27,7 @@ LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
 _LEAST_OF_PART = 15  # samples of a part's outline in all cameras, for it to be judged alone
 _LEAST = 1e-4  # probability that nothing is ever below
-_NOISE = 0.2  # share of the outline that is found anywhere
+_NOISE = 0.2  # fraction of the outline that is found anywhere
 _BESIDE = 1.0  # log odds by outlines that count at most where there is other evidence
 _CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set, that a limb that is seen has
 _LEAST_LIMBS = 3  # that are seen, to say where the trunk is
@@ -38,7 +38,7 @@ MEASURES = ("close share, mean", "close share, median camera", "log-likelihood r
 # Log odds of lost: the constant, and what each measure adds, in shares of its level while all is well
 COEFFICIENTS = np.array([7.3, -3.3, -2.8, -0.5, -3.2])
 _LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, whatever it has always been
-_LEVEL_RATE = 0.05  # share of the newest image set in the levels
+_LEVEL_RATE = 0.05  # weight of the newest image set in the levels
 
 
 def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | None:

@@ -109,7 +109,7 @@ class RegionAppearance:
         images : by camera; None for one that does not learn.
         state : of the body in them.
         offsets : where the body is when each camera exposes.
-        rate : share of these images.
+        rate : weight of these images.
         margin_px : width around the body that is not learned as surroundings.
         weights : (n_shapes,) parts that are where ``state`` says; with all of them the background is learned, too. None: not
             known.

@@ -26,8 +26,8 @@ from ..limbs.tree import Limb
 from ..poses import Apart, Poses, PoseSearch, Round
 
 _SPREADS_RAD = (0.2, 0.6)  # of random poses about likely ones
-_WANDERERS = 0.25  # share of the random poses that may be anywhere within the limits
-_FIRST = 0.4  # share of all poses that are tried before the best of them are searched around
+_WANDERERS = 0.25  # fraction of the random poses that may be anywhere within the limits
+_FIRST = 0.4  # fraction of all poses that are tried before the best of them are searched around
 _ROUNDS_RAD = (0.25, 0.15, 0.08, 0.04)  # how far around, round by round
 _BEST = 6  # of them that are searched around...
 _APART_RAD = 0.2  # ...and differ in some joint by this at least

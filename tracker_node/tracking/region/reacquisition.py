@@ -29,7 +29,7 @@ from .fitting import LineFit, RegionFitting
 from .limb_search import LimbSearch, PartPose
 from .tilts import Misfit, tilted
 
-_CLEARLY = 0.05  # share of the outline by which long lines must do better than short ones
+_CLEARLY = 0.05  # fraction of the outline by which long lines must do better than short ones
 _CLEAR_ODDS = -1.5  # log odds of lost, below which a limb is where it was found, wherever else it might have been
 _UNCERTAIN_M = 0.15  # standard deviation of where a limb's end is expected, beyond which it is searched in any case
 _FIRST_ROUNDS = 3  # of trying all limbs elsewhere, at most, on the first image set
