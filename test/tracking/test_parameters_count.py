@@ -89,7 +89,7 @@ def told(estimates: list[TrackEstimate]) -> str:
 
 
 def followed(config: TrackerConfig) -> str:
-    """A person before four cameras, two with an image of the background: an arm is lost at first, the whole body for four sets."""
+    """A person before four cameras, two with an image of the background: an arm is lost at first, the body for four sets."""
     clip = recording()
     n_known = 4 if config.colors or config.chamfer.silhouette == "background" else 2
     backgrounds = {name: clip.backgrounds[name] for name in clip.rig.names[:n_known]}
