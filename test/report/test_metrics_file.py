@@ -1,11 +1,14 @@
 """The file of figures, and the table."""
 
 import json
+import os
+import subprocess
 import sys
 
 import numpy as np
 
-from tracker_node.report.metrics_file import cpu, format_metrics, print_metrics, versions, write_metrics
+from helpers.sources.small_disk import limited_files
+from tracker_node.report.metrics_file import commit_of, cpu, format_metrics, print_metrics, versions, write_metrics
 
 
 def test_file_holds_figures_and_circumstances(tmp_path, monkeypatch):
@@ -47,3 +50,25 @@ def test_circumstances_are_named():
     assert set(versions()) >= {"tracker_node", "python", "numpy", "numba", "opencv"}
     described = cpu()
     assert described["model"] and described["simd"]
+
+
+def test_asking_for_the_commit_leaves_the_repository_alone(tmp_path):
+    """Also where git may write nothing: a lock that it leaves behind would end everybody's commits."""
+
+    def git(*arguments):
+        command = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b", *arguments]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    file = tmp_path / "a.txt"
+    file.write_text("a")
+    assert commit_of(tmp_path) is None
+    git("init", "-q")
+    git("add", ".")
+    git("commit", "-q", "-m", "first")
+    os.utime(file, (1.0, 1.0))  # git looks at it again, and would note in its index that nothing has changed
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    with limited_files(100):
+        assert commit_of(tmp_path) == git("rev-parse", "HEAD")[:12]
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+    file.write_text("b")
+    assert commit_of(tmp_path) == f"{git('rev-parse', 'HEAD')[:12]}-dirty"

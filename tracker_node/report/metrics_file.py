@@ -94,7 +94,7 @@ def versions() -> dict[str, str]:
             result[name] = importlib.metadata.version(distribution)
         except importlib.metadata.PackageNotFoundError:
             result[name] = "not installed"
-    commit = _commit()
+    commit = commit_of(Path(__file__).resolve().parents[2])
     if commit:
         result["commit"] = commit
     return result
@@ -120,19 +120,22 @@ def _cpuinfo() -> dict[str, str]:
     return {key.strip(): value.strip() for key, _, value in lines}
 
 
-def _commit() -> str | None:
-    """Commit of the checkout this file lies in, with ``-dirty`` when tracked files have changed."""
-    root = Path(__file__).resolve().parents[2]
+def commit_of(root: Path) -> str | None:
+    """Commit of a checkout, with ``-dirty`` when tracked files have changed; None where there is none."""
     if not (root / ".git").exists():
         return None
     try:
         done = subprocess.run(
-            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
+            # Whoever only asks must not hold the index: `git describe --dirty` does, and leaves its lock where it is cut off
+            ["git", "--no-optional-locks", "-C", str(root), "status", "--porcelain=v2", "--branch", "--untracked-files=no"],
             capture_output=True, text=True, timeout=10, check=True,
         )  # fmt: skip
     except (OSError, subprocess.SubprocessError):
         return None
-    return done.stdout.strip() or None
+    lines = done.stdout.splitlines()
+    commit = next((line.split()[2][:12] for line in lines if line.startswith("# branch.oid")), None)
+    dirty = any(not line.startswith("#") for line in lines)
+    return f"{commit}-dirty" if commit and dirty else commit
 
 
 def _plain(value: float | int) -> float | int | None:
