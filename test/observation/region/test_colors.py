@@ -134,16 +134,16 @@ def test_a_stated_color_counts_where_a_tenth_of_the_part_has_it():
 
 
 def test_what_most_parts_bear_out_is_believed_of_all():
-    one, other = seen(0.5, 0.4, 0.0), seen(0.5, 0.2, 0.0)
+    one, other = seen(0.9, 0.8, 0.0), seen(0.9, 0.6, 0.0)
     assert not expected(one, 2)
-    trust_stated_colors([other])  # median 0.2 is too little
+    trust_stated_colors([other])  # median 0.6 is too little: clothes and shades have as much by chance
     assert not expected(other, 2)
     trust_stated_colors([one])
     assert expected(one, 2)
-    together = [seen(0.5, 0.4, 0.0), seen(0.5, 0.26, 0.0)]  # means 0.5, 0.33, 0
+    together = [seen(0.9, 0.8, 0.0), seen(0.9, 0.66, 0.0)]  # means 0.9, 0.73, 0
     trust_stated_colors(together)
     assert expected(together[0], 2) and expected(together[1], 2)
-    trust_stated_colors([one, seen(0.0, 0.0, 0.0)])  # means 0.25, 0.2, 0: no more
+    trust_stated_colors([one, seen(0.0, 0.0, 0.0)])  # means 0.45, 0.4, 0: no more
     assert not expected(one, 2)
 
 
@@ -152,7 +152,7 @@ def test_cameras_that_have_learnt_nothing_do_not_tell():
     new = RegionColors(color_classes(body), stated_densities(body, color_classes(body)), 0.2)
     trust_stated_colors([new])
     assert not new.knows and new.body == pytest.approx(1 / N)
-    known, unwilling = seen(0.4, 0.4, 0.0), seen(0.4, 0.4, 0.0, prior=0.0)
+    known, unwilling = seen(0.8, 0.8, 0.0), seen(0.8, 0.8, 0.0, prior=0.0)
     trust_stated_colors([new, known, unwilling])
     assert expected(known, 2) and not expected(unwilling, 2) and not new.knows
 

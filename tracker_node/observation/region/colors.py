@@ -125,7 +125,7 @@ def fill_density(learned, shades, of_shades, stated, of_stated, density):
 
 _BIN_WIDTH = 256 // BINS
 _SUPPORT = 0.1  # least fraction of a part's pixels in the stated color that makes the color count
-_AS_STATED = 0.3  # least median of that fraction over the parts that makes all stated colors count
+_AS_STATED = 0.7  # least median of that fraction over the parts that makes all count; by chance, clothes come to 0.5
 _SPARSE = 6  # every so many rows and columns of an image tell what is chance
 _PRIOR_SIGMA = 14.0  # gray levels across, of a stated color
 _PRIOR_GAINS = np.linspace(0.45, 1.15, 15)  # how bright surfaces of that color may be, in light and shade
