@@ -53,7 +53,7 @@ def finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Demo:
         (tmp_path / name).write_text("{}")
     monkeypatch.setattr(demo, "prepare", lambda folder, fresh: 0)
     monkeypatch.setattr(demo, "run_verb", made.verb)
-    monkeypatch.setattr(pose_weights, "pose_weights", lambda: None)
+    monkeypatch.setattr(pose_weights, "pose_weights", lambda points: None)
     monkeypatch.setitem(sys.modules, "ai_edge_litert", sys)  # whether it is installed here or not
     return made
 
@@ -90,7 +90,7 @@ def test_without_the_extra_contours_alone_are_tracked_and_the_line_that_installs
 def test_without_weights_and_network_contours_alone_are_tracked(
     finished: Demo, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    def unreachable() -> None:
+    def unreachable(points: None) -> None:
         raise TrackerError("the weights could not be fetched; put them there")
 
     monkeypatch.setattr(pose_weights, "pose_weights", unreachable)

@@ -61,12 +61,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _missing_for_points() -> str:
     """Why no points of people can be found here, and what mends it; empty where they can."""
-    from ..errors import TrackerError, extra_module
-    from ..loaders.pose_weights import pose_weights
+    from ..errors import TrackerError
+    from ..loaders.pose_weights import usable_weights
 
     try:
-        extra_module("ai_edge_litert", "keypoints")
-        pose_weights()
+        usable_weights()
     except TrackerError as error:
         return str(error)
     return ""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from ..errors import FileFormatError, SourceError, TrackerError
+from ..errors import FileFormatError, SourceError, TrackerError, extra_module
 from ..observation.keypoints.blazepose import BlazePoseFiles
 from .sample_files import Member, Wheel, cache_folder, cached_path, fetch
 
@@ -70,6 +70,17 @@ def pose_weights(points: Path | None = None, cache: Path | None = None) -> Blaze
     except SourceError as error:
         raise MissingWeightsError(cache, error) from error
     return BlazePoseFiles(files[DETECTOR], points or files[POINTS])
+
+
+def usable_weights(points: Path | None = None) -> BlazePoseFiles:
+    """`pose_weights` where the package that runs them is installed, and nothing fetched where it is not.
+
+    Raises
+    ------
+    TrackerError : no points of people can be found here; the message says what mends it.
+    """
+    extra_module("ai_edge_litert", "keypoints")
+    return pose_weights(points)
 
 
 def detector_name(points: Path | None = None) -> str:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from tracker_msgs.msg import TrackedState
 
@@ -22,6 +23,7 @@ from ..loaders.bag.message_types import KEYPOINTS
 from ..loaders.source_address import sources_for_child
 from ..runs.messages import CAMERA_INFO, IMAGE
 from ..runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, MARKER_ARRAY, MARKERS, Output, recorded
+from ..runs.writer import counted_sets, write_summary
 from ..tracking.estimate import Status
 from .child_process import Child
 from .ending import asked_again
@@ -56,6 +58,8 @@ class PipelineOptions:
     lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
     n_expected : image sets, for the progress; None if not known.
     ros_args : given to every process.
+    folder : of the run, for ``run.json``; None: it is not written.
+    summary : what ``run.json`` says from the beginning.
     """
 
     body: list[str]
@@ -73,6 +77,8 @@ class PipelineOptions:
     lossless: bool = True
     n_expected: int | None = None
     ros_args: list[str] = field(default_factory=list)
+    folder: Path | None = None
+    summary: dict[str, Any] = field(default_factory=dict)
 
     def recorded_topics(self) -> list[str]:
         """``name:type`` of everything that goes into the bag."""
@@ -286,6 +292,8 @@ class Pipeline:
 
 def run_pipeline(options: PipelineOptions) -> tuple[int, Progress, bool]:
     """Run it to its end; returns the exit status, what the states have said, and whether somebody has ended it."""
+    if options.folder is not None:
+        write_summary(options.folder, options.summary)  # now, for a run that is killed
     with ros_process(options.ros_args, forced=False) as stop:
         node = GuardedNode("pipeline")
         try:
@@ -293,4 +301,6 @@ def run_pipeline(options: PipelineOptions) -> tuple[int, Progress, bool]:
             status = pipeline.run()
         finally:
             node.destroy_node()
+    if options.folder is not None:
+        write_summary(options.folder, {**counted_sets(pipeline.progress.statuses), **options.summary})
     return status, pipeline.progress, pipeline.interrupted

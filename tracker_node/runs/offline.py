@@ -21,8 +21,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
-from ..report.metrics_file import command_line, cpu, versions
-from ..tracking.config import KEYPOINTS, TrackerConfig, flatten
+from ..tracking.config import KEYPOINTS, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
@@ -33,7 +32,7 @@ from .loop import TrackingLoop
 from .people.detection import DetectionOptions, PeopleDetection
 from .people.recorded import PointFiles, RecordedPeople, open_recorded_people
 from .recorded_sets import RecordedRunStream
-from .writer import RunWriter, SmoothedWriter
+from .writer import RunWriter, SmoothedWriter, asked_of_run, counted_sets
 
 Progress = Callable[[int, int | None, TrackEstimate], None]
 
@@ -245,10 +244,8 @@ def _summary(
     run: OfflineRun, stream: ImageSetStream, record: _Record, detection: PeopleDetection | RecordedPeople | None
 ) -> dict[str, Any]:
     summary: dict[str, Any] = {
-        "image_sets": len(record.stamps_ns),
-        "expected_image_sets": stream.n_expected,
-        "lost_sets": record.status[Status.LOST],
-        "status_counts": {status.name: record.status[status] for status in Status},
+        **counted_sets(record.status),
+        **asked_of_run(run.named_options, run.config, stream.n_expected),
         "ms_per_set": _percentiles(record.total_ms),
         "iterations": {"mean": _mean(record.iterations), "max": max(record.iterations, default=0)},
         "residual": _percentiles(record.residual),
@@ -263,11 +260,6 @@ def _summary(
         "errors": list(stream.errors),
         "notes": list(stream.notes),
         "reason": record.reasons.most_common(1)[0][0] if record.reasons else "",
-        "options": dict(run.named_options),
-        "parameters": flatten(run.config),
-        "versions": versions(),
-        "cpu": cpu(),
-        "command": command_line(),
     }
     if detection is not None:
         summary["detection"] = detection.summary()

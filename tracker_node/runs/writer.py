@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -25,9 +26,10 @@ from ..model.clothes import with_surfaces
 from ..model.configuration import Configuration
 from ..observation.image_set import ImageSet
 from ..optimize.levenberg_marquardt import clip_to_limits
-from ..tracking.config import MotionConfig
+from ..report.metrics_file import command_line, cpu, versions
+from ..tracking.config import MotionConfig, TrackerConfig, flatten
 from ..tracking.constraints import resting
-from ..tracking.estimate import TrackEstimate
+from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.motion.dynamics import Belief, Dynamics
 from ..tracking.motion.smoother import Measurement, Smoother, smoothed_covariance
 from .messages import CAMERA_INFO, Content, camera_info, keypoints
@@ -49,6 +51,35 @@ def write_summary(folder: Path, summary: dict[str, Any]) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+
+
+def asked_of_run(options: Mapping[str, Any], config: TrackerConfig | None, n_expected: int | None) -> dict[str, Any]:
+    """What ``run.json`` says of every run from the beginning: how it was asked for, by what and where.
+
+    Parameters
+    ----------
+    options : by name, as JSON can hold them.
+    config : of the tracker; None: its parameters are not known here.
+    n_expected : image sets; None if not known.
+
+    Returns
+    -------
+    To be joined with `counted_sets`, and what else is known at the end.
+    """
+    return {
+        "expected_image_sets": n_expected,
+        "options": dict(options),
+        **({} if config is None else {"parameters": flatten(config)}),
+        "versions": versions(),
+        "cpu": cpu(),
+        "command": command_line(),
+    }
+
+
+def counted_sets(statuses: Mapping[Status, int]) -> dict[str, Any]:
+    """What ``run.json`` says of the image sets of every run; their numbers by status are given."""
+    counts = {status.name: statuses.get(status, 0) for status in Status}
+    return {"image_sets": sum(counts.values()), "lost_sets": counts[Status.LOST.name], "status_counts": counts}
 
 
 def run_of_bag(bag: Path) -> Path | None:

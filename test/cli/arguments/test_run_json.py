@@ -2,16 +2,9 @@
 
 import argparse
 import math
-from collections import Counter
 from pathlib import Path
-from types import SimpleNamespace
 
-import pytest
-
-from tracker_node.cli.arguments.runs import end_of_live_run, named_options, start_of_live_run
-from tracker_node.runs.config_file import dump_config
-from tracker_node.tracking.config import TrackerConfig, flatten
-from tracker_node.tracking.estimate import Status
+from tracker_node.cli.arguments.runs import named_options
 
 
 def asked(**options):
@@ -36,32 +29,3 @@ def test_values_are_those_that_json_can_hold():
     assert named_options(asked(source=None))["source"] is None
     assert named_options(asked(source=[]))["source"] == []
     assert named_options(asked(loop=-math.inf))["loop"] == -math.inf
-
-
-def test_a_live_run_begins_with_options_and_parameters(tmp_path):
-    start = start_of_live_run(asked(bag="out/bag", start=3), 12)
-    assert start["expected_image_sets"] == 12 and start["options"]["start"] == 3 and "bag" not in start["options"]
-    assert start["parameters"] == flatten(TrackerConfig())
-    assert {"versions", "cpu", "command"} <= set(start) and start["versions"] and start["command"]
-    some = next(name for name, value in flatten(TrackerConfig()).items() if isinstance(value, bool))
-    from tracker_node.tracking.config import from_dict
-
-    other = from_dict({some: not flatten(TrackerConfig())[some]}, "test")
-    dump_config(other, tmp_path / "t.yaml")
-    start = start_of_live_run(asked(config=tmp_path / "t.yaml"), None)
-    assert start["expected_image_sets"] is None and start["parameters"] == flatten(other)
-
-
-def test_parameters_that_the_nodes_are_given_otherwise_are_not_told():
-    assert "parameters" not in start_of_live_run(asked(ros_args=["--ros-args", "-p", "a:=1"]), None)
-
-
-@pytest.mark.parametrize("lost", [0, 2])
-def test_a_live_run_ends_with_its_counts(lost):
-    statuses = Counter({Status.TRACKING: 5, Status.LOST: lost, Status.DEGRADED: 1})
-    found = end_of_live_run({"expected_image_sets": 9, "cpu": "x"}, SimpleNamespace(sets=8, statuses=statuses))
-    assert found["image_sets"] == 8 and found["lost_sets"] == lost
-    assert found["expected_image_sets"] == 9 and found["cpu"] == "x"
-    assert set(found["status_counts"]) == {status.name for status in Status}
-    assert found["status_counts"]["TRACKING"] == 5 and found["status_counts"]["LOST"] == lost
-    assert found["status_counts"]["DEGRADED"] == 1 and found["status_counts"]["INITIALIZING"] == 0

@@ -1,4 +1,4 @@
-"""What ``run.json`` says of how a run was asked for; and the line and the exit status of a run without a tracked body."""
+"""The options of a command line as ``run.json`` has them; and the line and the exit status of a run without a tracked body."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...errors import without_password
 from ...loaders.source_address import relocated
-
-if TYPE_CHECKING:
-    from ...ros.pipeline import Progress
 
 _FILES = ("rig", "model", "initial_state", "occluders", "config")
 
@@ -34,52 +31,6 @@ def _plain(value: Any) -> Any:
     if value == math.inf:
         return "all"
     return str(value.resolve()) if isinstance(value, Path) else value
-
-
-def start_of_live_run(args: argparse.Namespace, n_expected: int | None) -> dict[str, Any]:
-    """Content of ``run.json`` for a run that begins; parameters only where the nodes have those of the configuration's file.
-
-    Parameters
-    ----------
-    args : of the command line.
-    n_expected : image sets; None if not known.
-
-    Returns
-    -------
-    info : for `end_of_live_run`.
-    """
-    from ...report.metrics_file import command_line, cpu, versions
-    from ...runs.config_file import load_config
-    from ...tracking.config import TrackerConfig, flatten
-
-    options = {name: value for name, value in named_options(args).items() if name != "bag"}  # images come from no bag
-    config = load_config(args.config) if args.config else TrackerConfig()
-    return {
-        "expected_image_sets": n_expected,
-        "options": options,
-        **({} if args.ros_args else {"parameters": flatten(config)}),
-        "versions": versions(),
-        "cpu": cpu(),
-        "command": command_line(),
-    }
-
-
-def end_of_live_run(start: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """Content of ``run.json`` for a run that has ended.
-
-    Parameters
-    ----------
-    start : from `start_of_live_run`.
-    progress : of the pipeline.
-
-    Returns
-    -------
-    info : with the number of sets and of each status.
-    """
-    from ...tracking.estimate import Status
-
-    counts = {status.name: progress.statuses[status] for status in Status}
-    return {"image_sets": progress.sets, "lost_sets": counts[Status.LOST.name], "status_counts": counts, **start}
 
 
 EX_NOTHING_TRACKED = 3

@@ -67,8 +67,7 @@ def _rate(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...errors import extra_module
-    from ...loaders.pose_weights import detector_name, pose_weights
+    from ...loaders.pose_weights import detector_name, usable_weights
     from ...loaders.rig.rig_yaml import load_rig
     from ...ros.executor import attach, ros_process, spin
     from ...ros.keypoints.node import KeypointsNode, KeypointsOptions
@@ -77,8 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
     rig = load_rig(args.rig)
     config = load_config(args.config) if args.config else TrackerConfig()
-    extra_module("ai_edge_litert", "keypoints")
-    files = pose_weights(args.weights)
+    files = usable_weights(args.weights)
 
     def make() -> BlazePose:
         from ...observation.keypoints.blazepose import BlazePose

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..arguments.cameras import with_topics
 from ..arguments.recording import add_recording_argument, evaluation_of, fill_in
-from ..arguments.runs import end_of_live_run, nothing_tracked, start_of_live_run
+from ..arguments.runs import named_options, nothing_tracked
 from ..arguments.verbs import run_verb
 from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     from ...loaders.rig.rig_yaml import load_rig
     from ...ros.ingest.cameras import open_cameras
     from ...ros.pipeline import PipelineOptions, run_pipeline
-    from ...runs.writer import run_of_bag, write_summary
+    from ...runs.writer import asked_of_run, run_of_bag
     from ...tracking.config import KEYPOINTS
 
     recording = fill_in(args, BUILT_IN)
@@ -88,6 +88,7 @@ def run(args: argparse.Namespace) -> int:
     if args.bag is not None and args.bag.exists():
         raise TrackerError(f"--bag {args.bag}: there is something already")
     folder = run_of_bag(args.bag) if args.bag else None
+    asked = {name: value for name, value in named_options(args).items() if name != "bag"}  # images come from no bag
     options = PipelineOptions(
         body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
         source=_source_options(args),
@@ -104,13 +105,10 @@ def run(args: argparse.Namespace) -> int:
         lossless=not args.real_time,
         n_expected=n_sets,
         ros_args=with_topics(args.ros_args, rig, {}),
+        folder=folder,
+        summary=asked_of_run(asked, None if args.ros_args else config, n_sets),
     )
-    start = start_of_live_run(args, n_sets)
-    if folder is not None:
-        write_summary(folder, start)  # now, for a run that is killed
     status, progress, interrupted = run_pipeline(options)
-    if folder is not None:
-        write_summary(folder, end_of_live_run(start, progress))
     counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
     print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
     arguments = evaluation_of(recording, args, {"": args.bag}, args.output or args.bag.parent) if recording and args.bag else []
@@ -159,14 +157,13 @@ def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:
 
 def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool) -> list[str] | None:
     """Options of the node keypoints; None where it is not started, which is said where points are wanted."""
-    from ...errors import TrackerError, extra_module
-    from ...loaders.pose_weights import pose_weights
+    from ...errors import TrackerError
+    from ...loaders.pose_weights import usable_weights
 
     if args.keypoints == "off" or (args.keypoints == "auto" and not wanted):
         return None
     try:
-        extra_module("ai_edge_litert", "keypoints")
-        pose_weights(args.keypoints_weights)
+        usable_weights(args.keypoints_weights)
     except TrackerError as error:
         if args.keypoints == "on":
             raise
