@@ -5,7 +5,7 @@ Detection of camera positions in another unit than meters, from the distances be
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -112,6 +112,24 @@ class CameraRig:
 
 
 _NEAREST_M, _FARTHEST_M, _N_DEPTHS = 0.05, 200.0, 400
+
+
+def axes_equations(cameras: Iterable[Camera]) -> tuple[np.ndarray, np.ndarray]:
+    """Normal equations of the point nearest to all optical axes: each asks for (I - d d^T)(X - c) = 0.
+
+    Parameters
+    ----------
+    cameras : with centers c and unit axes d.
+
+    Returns
+    -------
+    A : (3, 3); singular where all axes are parallel.
+    b : (3,) meters, world; the point solves A X = b.
+    """
+    cameras = tuple(cameras)
+    axes, centers = np.array([c.T_world_cam[:3, 2] for c in cameras]), np.array([c.center for c in cameras])
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    return across.sum(axis=0), np.einsum("nij,nj->i", across, centers)
 
 
 def epipolar_curve(camera: Camera, pixel: np.ndarray, other: Camera) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera.rig import CameraRig
+from ..camera.rig import CameraRig, axes_equations
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
@@ -132,10 +132,6 @@ def _drawn(configuration: Configuration, camera) -> np.ndarray:
 
 def _in_the_middle(rig: CameraRig, model: ArticulatedModel) -> State:
     """The neutral body where the optical axes come nearest to each other."""
-    A, b = 1e-6 * np.eye(3), np.zeros(3)
-    for camera in rig:
-        axis = camera.T_world_cam[:3, 2]
-        across = np.eye(3) - np.outer(axis, axis)
-        A, b = A + across, b + across @ camera.center
-    state = State.neutral(model)
-    return State(se3.from_rotation_translation(state.T_world_root[:3, :3], np.linalg.solve(A, b)), state.joint_positions)
+    A, b = axes_equations(rig)
+    middle, state = np.linalg.solve(A + 1e-6 * np.eye(3), b), State.neutral(model)
+    return State(se3.from_rotation_translation(state.T_world_root[:3, :3], middle), state.joint_positions)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ...camera.rig import Camera
+from ...camera.rig import Camera, axes_equations
 
 _LEAST = 0.1  # probability left to a place that a camera denies: silhouettes have holes
 _MOST_STEPS = 200  # of a grid, each way: 8 million points, some hundred megabytes
@@ -50,10 +50,9 @@ def seen_volume(cameras: Sequence[Camera], size_m: float, step_m: float) -> Volu
     axes = np.array([camera.T_world_cam[:3, 2] for camera in cameras])
     filling = np.array([1.5 * size_m * c.model.K[1, 1] / min(c.model.width, c.model.height) for c in cameras])
     guess = np.mean(centers + filling[:, None] * axes, axis=0)
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     weak = 0.02 * len(cameras)  # axes that all but agree leave the depth to the guess
-    A = across.sum(axis=0) + weak * np.eye(3)
-    middle = np.linalg.solve(A, np.einsum("nij,nj->i", across, centers) + weak * guess)
+    A, b = axes_equations(cameras)
+    middle = np.linalg.solve(A + weak * np.eye(3), b + weak * guess)
     reach = max(float(np.median(np.linalg.norm(centers - middle, axis=1))) / _REACH, size_m)
     low, high = middle - reach, middle + reach
     step_m = max(step_m, 2.0 * reach / _MOST_STEPS)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...model.articulated import ArticulatedModel
+from ...model.humans.measures import mirrored_name
 from ...model.kinematic_chain import KinematicChain
 from ...optimize.robust_start import scrambled_halton
 
@@ -52,13 +53,8 @@ _ONE_SIDED: tuple[tuple[dict[str, float], dict[str, float]], ...] = (
 
 def other_side(names: Sequence[str]) -> np.ndarray:
     """Index of the axis of the other side for each axis, its own where a name begins with neither ``left_`` nor ``right_``."""
-    swapped = {"left_": "right_", "right_": "left_"}
-    result = np.arange(len(names))
-    for i, name in enumerate(names):
-        for side, other in swapped.items():
-            if name.startswith(side) and other + name.removeprefix(side) in names:
-                result[i] = list(names).index(other + name.removeprefix(side))
-    return result
+    index = {name: i for i, name in enumerate(names)}
+    return np.array([index.get(mirrored_name(name), i) for i, name in enumerate(names)], dtype=np.int64)
 
 
 def reachable(chain: KinematicChain) -> tuple[np.ndarray, np.ndarray]:

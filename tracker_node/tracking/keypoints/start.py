@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...camera.rig import CameraRig
+from ...camera.rig import CameraRig, axes_equations
 from ...geometry import se3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
@@ -107,12 +107,7 @@ class PointStart:
         use = self._least_mobile[known[self._least_mobile]][:_LEAST_PLACED]
         if len(use) < _LEAST_PLACED:
             return None
-        own = body.places(neutral)[use]
-        there = targets[use]
-        middle, aim = own.mean(axis=0), there.mean(axis=0)
-        U, _, V = np.linalg.svd((there - aim).T @ (own - middle))
-        R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ V))]) @ V
-        T = se3.from_rotation_translation(R, aim - R @ middle)
+        T = se3.rigid_fit(body.places(neutral)[use], targets[use])
         return State(T @ neutral.T_world_root, neutral.joint_positions)
 
 
@@ -126,10 +121,7 @@ def _apart_m(one: State, other: State) -> float:
 
 def _focus(rig: CameraRig) -> np.ndarray:
     """(3,) meters, world: the point nearest to all optical axes, where a rig is set up to look."""
-    axes = np.array([camera.T_cam_world[2, :3] for camera in rig])
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    centers = np.array([camera.center for camera in rig])
-    return np.linalg.lstsq(across.sum(axis=0), np.einsum("nij,nj->i", across, centers), rcond=None)[0]
+    return np.linalg.lstsq(*axes_equations(rig), rcond=None)[0]
 
 
 def _mobility(model: ArticulatedModel, body: BodyPoints) -> np.ndarray:
