@@ -94,7 +94,7 @@ def load_clip(folder: Path) -> ClothedClip:
     """
     if not folder.is_dir():
         raise SourceError(folder, "no such folder")
-    model = scale_to_trial(human_model(), load_trc(folder / "static.trc")).model
+    model = scale_to_trial(human_model(ankles=True), load_trc(folder / "static.trc")).model
     markers = load_trc(folder / "truth.trc")
     targets = [targets_of(model, markers, row) for row in range(len(markers))]
     missing = [joint for joint in JOINTS if any(joint not in row for row in targets)]

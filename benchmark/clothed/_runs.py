@@ -205,7 +205,7 @@ def with_own_body(clip: ClothedClip, people: KeptPeople) -> ClothedClip:
         [people.find(np.ascontiguousarray(image.bgr), None).people for image in each.images]
         for each in clip.sets(0, OWN_BODY_SETS)
     ]
-    return replace(clip, model=body_from_points(human_model(), clip.rig, seen).model)
+    return replace(clip, model=body_from_points(human_model(ankles=True), clip.rig, seen).model)
 
 
 def bone_error_mm(clip: ClothedClip, model: ArticulatedModel) -> float:

@@ -72,7 +72,7 @@ def with_own_body(clip: Clip, people: KeptPeople) -> Clip:
         [people.find(np.ascontiguousarray(image.bgr), None).people for image in clip.sets[row].images]
         for row in range(0, len(clip.sets), len(clip.sets) // BODY_SETS)
     ]
-    return replace(clip, model=body_from_points(human_model(), clip.rig, seen).model)
+    return replace(clip, model=body_from_points(human_model(ankles=True), clip.rig, seen).model)
 
 
 def measure(clip: Clip, config: TrackerConfig, people: KeptPeople) -> dict[str, float | int]:

@@ -45,6 +45,15 @@ def test_body_from_stature(tmp_path):
     assert np.isclose(model_stature(load_model(subject)), 1.6)
 
 
+def test_ankles_on_request(trc_path, tmp_path):
+    for i, source in enumerate((["--stature", "1.6"], ["--trc", str(trc_path)])):
+        bare, ankles = tmp_path / f"bare{i}.yaml", tmp_path / f"ankles{i}.yaml"
+        assert main(["calibrate", "body", *source, "-o", str(bare)]) == 0
+        assert main(["calibrate", "body", *source, "--ankles", "-o", str(ankles)]) == 0
+        added = set(load_model(ankles).chain.dof_names) - set(load_model(bare).chain.dof_names)
+        assert added == {"left_ankle_dorsiflexion", "right_ankle_dorsiflexion"}
+
+
 def test_what_is_there_stays_unless_forced(trc_path, tmp_path, capsys):
     subject, start = tmp_path / "subject.yaml", tmp_path / "start.yaml"
     body = ["calibrate", "body", "--stature", "1.6", "-o", str(subject)]
@@ -78,6 +87,7 @@ def test_landmarks_from_a_tracked_trial(trc_path, tmp_path):
     (["body"], "--trc"),
     (["body", "--stature", "18"], "0.4 to 3 meters"),
     (["body", "--stature", "1.8", "--joint-sigma-mm", "-1"], "--joint-sigma-mm"),
+    (["body", "--stature", "1.8", "--ankles", "--model", "MODEL"], "--ankles"),
     (["body", "--trc", "none.trc"], "none.trc"),
     (["body", "--trc", "TRC", "--states", "s.csv"], "--states"),
     (["pose", "--model", "none.yaml", "--trc", "TRC"], "none.yaml"),

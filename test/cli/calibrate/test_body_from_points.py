@@ -58,6 +58,7 @@ def test_a_child_by_the_points_of_another_program(clip: Clip, tmp_path: Path, ca
     told = capsys.readouterr()
     found = load_model(output)
     assert model_stature(found) == pytest.approx(model_stature(CHILD), rel=0.05)
+    assert "left_ankle_dorsiflexion" in found.chain.dof_names
     assert model_stature(CHILD) < 0.85 * model_stature(HUMAN)
     assert f"stature {model_stature(found):.3f} m; wrote {output}" in told.out
     size = next(line.split() for line in told.out.splitlines() if line.startswith("size"))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.bodies.bodies import mirrored_states, random_state
+from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.geometry import se3
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
@@ -58,6 +59,32 @@ def test_parts_and_degrees_of_freedom_are_those_of_the_paper():
     sided = {"clavicle": 3, "shoulder": 3, "elbow": 2, "wrist": 0, "hip": 3, "knee": 2, "ankle": 0}
     expected = {f"{side}_{name}": n for side in ("left", "right") for name, n in sided.items()}
     assert axes_of == {"neck": 2, "torso": 3, "abdomen": 3, **expected}
+
+
+def test_with_ankles_each_foot_bends_up_and_nothing_else_moves():
+    feet = human_model(ankles=True)
+    added = set(feet.chain.dof_names) - set(MODEL.chain.dof_names)
+    assert added == {"left_ankle_dorsiflexion", "right_ankle_dorsiflexion"} and feet.n_dof == MODEL.n_dof + 2
+    stands, bent = State.neutral(feet), State.neutral(feet)
+    for name in added:
+        bent.joint_positions[feet.chain.axis_index(name)] = np.radians(30.0)
+    moved = Configuration(feet, bent).landmarks_world - Configuration(feet, stands).landmarks_world
+    for name, move in zip(feet.landmark_names, moved, strict=True):
+        if name.endswith("_toe"):
+            assert move[2] > 0.05
+        elif not name.endswith("heel"):
+            assert np.allclose(move, 0.0)
+
+
+def test_toes_pull_the_knees_of_somebody_who_squats_off_unless_the_ankles_bend():
+    feet = human_model(ankles=True)
+    squats, degrees = State.neutral(feet), {"hip_flexion": 100.0, "knee_flexion": 110.0, "ankle_dorsiflexion": 40.0}
+    for side in ("left", "right"):
+        for name, angle in degrees.items():
+            squats.joint_positions[feet.chain.axis_index(f"{side}_{name}")] = np.radians(angle)
+    targets = dict(zip(feet.landmark_names, Configuration(feet, squats).landmarks_world, strict=True))
+    off = {body.n_dof: fit_state_to_landmarks(body, targets).residuals_m["left_knee"] for body in (MODEL, feet)}
+    assert off[MODEL.n_dof] > 0.02 > 0.01 > off[feet.n_dof]
 
 
 def test_the_file_that_comes_with_the_package_is_this_body(repository):

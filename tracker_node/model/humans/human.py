@@ -1,7 +1,7 @@
 """The human of 18 parts and 40 degrees of freedom (the part list of Knossow et al. 2008), built from body measures.
 
 Six degrees of freedom of the root (pelvis) and 34 joint angles: head 2, torso 3, abdomen 3, clavicles 2 x 3, shoulders 2 x 3,
-elbows 2 x 2, hips 2 x 3, knees 2 x 2. Hands are fixed to forearms, feet to shanks.
+elbows 2 x 2, hips 2 x 3, knees 2 x 2. Hands are fixed to forearms, feet to shanks; with ankles, feet bend up and down (42).
 
 Neutral is standing with the arms hanging and palms inward; every link's axes are then those of the body: x forward, y left, z
 up. A link's origin is the joint that carries it. Axes of the right side are those of the left mirrored, so equal angles on both
@@ -60,6 +60,7 @@ _LEFT_AXES: dict[str, tuple[tuple[str, tuple[float, float, float], tuple[float, 
         ("knee_internal_rotation", (0.0, 0.0, -1.0), (-40.0, 40.0), ROLL_STIFFNESS),
     ),
 }
+_ANKLE_AXES = (("ankle_dorsiflexion", (0.0, -1.0, 0.0), (-60.0, 45.0), LIMB_STIFFNESS),)
 _TRUNK_AXES = {
     "abdomen": (
         ("abdomen_flexion", (0.0, 1.0, 0.0), (-40.0, 75.0), TRUNK_STIFFNESS),
@@ -103,17 +104,18 @@ class _Side:
         return (self.sign * x, y, self.sign * z)
 
 
-def human_model(measures: HumanMeasures | None = None, name: str = "human") -> ArticulatedModel:
+def human_model(measures: HumanMeasures | None = None, name: str = "human", ankles: bool = False) -> ArticulatedModel:
     """Body of a person.
 
     Parameters
     ----------
     measures : meters; None for a man of 1.75 m.
     name : of the model.
+    ankles : feet turn up and down. Who tracks heels and toes needs them: on stiff ankles these pull knees off by 5 cm in a squat.
 
     Returns
     -------
-    18 links, 40 degrees of freedom.
+    18 links, 40 degrees of freedom, or 42.
     """
     m = measures or HumanMeasures()
     links = TRUNK_LINKS + tuple(f"{side}_{link}" for side, _ in SIDES for link in LIMB_LINKS)
@@ -126,7 +128,7 @@ def human_model(measures: HumanMeasures | None = None, name: str = "human") -> A
     ]
     for side_name, sign in SIDES:
         side = _Side(side_name, sign)
-        joints += _limb_joints(m, side)
+        joints += _limb_joints(m, side, ankles)
         shapes += _limb_shapes(m, side)
         landmarks += _limb_landmarks(m, side)
     return ArticulatedModel(name, KinematicChain(links, tuple(joints)), tuple(shapes), tuple(landmarks))
@@ -154,7 +156,7 @@ def _trunk_joints(m: HumanMeasures) -> list[Joint]:
     ]
 
 
-def _limb_joints(m: HumanMeasures, side: _Side) -> list[Joint]:
+def _limb_joints(m: HumanMeasures, side: _Side, ankles: bool) -> list[Joint]:
     places = (
         ("clavicle", "torso", "clavicle", (m.clavicle_x, m.clavicle_y, m.clavicle_z)),
         ("shoulder", "clavicle", "upper_arm", (m.shoulder_x, m.clavicle_length, 0.0)),
@@ -167,7 +169,8 @@ def _limb_joints(m: HumanMeasures, side: _Side) -> list[Joint]:
     joints = []
     for name, parent, child, place in places:
         parent = parent if parent in TRUNK_LINKS else f"{side.name}_{parent}"
-        axes = _axes(_LEFT_AXES.get(name, ()), f"{side.name}_", side)
+        rows = _ANKLE_AXES if ankles and name == "ankle" else _LEFT_AXES.get(name, ())
+        axes = _axes(rows, f"{side.name}_", side)
         joints.append(Joint(f"{side.name}_{name}", parent, f"{side.name}_{child}", _at(*side.point(*place)), axes))
     return joints
 
