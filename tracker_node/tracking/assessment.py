@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..camera.rig import CameraRig
+from ..observation.image_set import ImageSet
 from .estimate import CameraReport, LimbReport, Status
 from .uncertainty.covariance import ImageEvidence
 
@@ -73,6 +75,25 @@ def inverse_covariance(H: np.ndarray, variance: float) -> np.ndarray:
     H[np.diag_indices_from(H)] += 1e-6 * max(float(np.diag(H).max()), 1.0)
     covariance = variance * np.linalg.inv(H)
     return 0.5 * (covariance + covariance.T)
+
+
+def camera_reports(
+    rig: CameraRig, image_set: ImageSet, rms: Sequence[float] | np.ndarray, samples: Sequence[int] | np.ndarray
+) -> tuple[CameraReport, ...]:
+    """Each camera's part in a fit.
+
+    Parameters
+    ----------
+    rig, image_set : cameras, and their images; the stamp of one without an image is 0.
+    rms, samples : of each camera's residuals, in the order of the rig.
+
+    Returns
+    -------
+    In the order of the rig.
+    """
+    images = [image_set.get(name) for name in rig.names]
+    stamps_ns = [0 if image is None else image.stamp_ns for image in images]
+    return tuple(map(CameraReport, rig.names, stamps_ns, map(float, rms), map(int, samples)))
 
 
 def assess_cameras(

@@ -16,10 +16,10 @@ from ...objective.chamfer.correspondences import (
 )
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
-from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
+from ..assessment import Assessment, Report, assess_cameras, camera_reports, inverse_covariance
 from ..config import ChamferConfig
 from ..engine import Judge
-from ..estimate import CameraReport, Status
+from ..estimate import Status
 from .modality import ChamferModality
 
 _NOISE = 0.15  # agreement below this is that of noise: a body that is merely off has more
@@ -95,16 +95,14 @@ class ChamferJudge(Judge):
         The covariance is the inverse of the normal equations, which hold ``chamfer.residual_sigma_px`` and
         ``chamfer.correlation``; larger where the residuals are.
         """
-        contours, reports = fit.correspondences, []
+        contours = fit.correspondences
         assert isinstance(contours, ContourCorrespondences)
         residuals = contours.residuals(fit.state)
-        for camera, own in zip(self._rig, residuals, strict=True):
-            image, stats = image_set.get(camera.name), np.zeros(kernel.N_STATISTICS) if own is None else own.stats
-            stamp_ns = 0 if image is None else image.stamp_ns
-            reports.append(CameraReport(camera.name, stamp_ns, _rms(stats), int(stats[kernel.COUNT])))
+        stats = [np.zeros(kernel.N_STATISTICS) if own is None else own.stats for own in residuals]
+        cameras = camera_reports(self._rig, image_set, [_rms(own) for own in stats], [own[kernel.COUNT] for own in stats])
         rms = _rms(_total(residuals))
         variance = max(rms / self._config.residual_sigma_px, 1.0) ** 2
-        return Report(tuple(reports), rms, inverse_covariance(fit.equations.H, variance))
+        return Report(cameras, rms, inverse_covariance(fit.equations.H, variance))
 
 
 class Recovery:

@@ -10,10 +10,10 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
-from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
+from ..assessment import Assessment, Report, assess_cameras, camera_reports, inverse_covariance
 from ..config import ColorOverBackgroundConfig
 from ..engine import Judge
-from ..estimate import CameraReport, Status
+from ..estimate import Status
 from .agreement import ColorAgreement
 from .modality import ColorModality
 
@@ -38,13 +38,11 @@ class ColorJudge(Judge):
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
         """Residuals in gray levels, samples in pixels of the mask."""
-        agreement, reports = self._modality.agreement(fit.state), []
-        for i, camera in enumerate(self._rig):
-            image = image_set.get(camera.name)
-            stamp_ns, pixels = 0 if image is None else image.stamp_ns, int(agreement.pixels[i].sum())
-            reports.append(CameraReport(camera.name, stamp_ns, float(agreement.camera_rms[i]), pixels))
+        agreement = self._modality.agreement(fit.state)
+        pixels = [own.sum() for own in agreement.pixels]
+        cameras = camera_reports(self._rig, image_set, agreement.camera_rms, pixels)
         covariance = inverse_covariance(fit.equations.H, self._modality.variance(fit.state))
-        return Report(tuple(reports), agreement.rms, covariance)
+        return Report(cameras, agreement.rms, covariance)
 
 
 def assess_colors(

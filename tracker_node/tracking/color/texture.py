@@ -17,10 +17,10 @@ from ...optimize.fitter import Fit
 from ...optimize.robust_fit import ReacquireOptions, reacquire
 from ...optimize.robust_start import RobustStartOptions
 from ...parallel import Workers
-from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
+from ..assessment import Assessment, Report, assess_cameras, camera_reports, inverse_covariance
 from ..config import TextureConfig
 from ..engine import Judge, Solver
-from ..estimate import CameraReport, Status
+from ..estimate import Status
 from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 from .search import ended
@@ -153,14 +153,11 @@ class TextureJudge(Judge):
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
         """Residuals in gray levels of the textures."""
-        score, equations, config, reports = self._modality.score(fit.state), fit.equations, self._config, []
-        for i, camera in enumerate(self._rig):
-            image, points = image_set.get(camera.name), int(score.camera_points[i])
-            rms = float(score.camera_rms[i]) if points else 0.0
-            reports.append(CameraReport(camera.name, 0 if image is None else image.stamp_ns, rms, points))
+        score, equations, config = self._modality.score(fit.state), fit.equations, self._config
+        cameras = camera_reports(self._rig, image_set, score.camera_rms, score.camera_points)
         rms = float(np.sqrt(equations.cost / equations.count)) if equations.count else 0.0
         variance = max(rms, config.residual_sigma) ** 2 * config.correlation
-        return Report(tuple(reports), rms, inverse_covariance(equations.H, variance))
+        return Report(cameras, rms, inverse_covariance(equations.H, variance))
 
 
 def median_agreement(score: TextureScore) -> float:

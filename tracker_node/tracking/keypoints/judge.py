@@ -8,9 +8,9 @@ from ...camera.rig import CameraRig
 from ...objective.keypoints.correspondences import KeypointCorrespondences, PointsAt
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
-from ..assessment import Assessment, Report, assess_cameras, inverse_covariance
+from ..assessment import Assessment, Report, assess_cameras, camera_reports, inverse_covariance
 from ..engine import Judge
-from ..estimate import CameraReport, Status
+from ..estimate import Status
 
 _LEAST_POINTS = 6  # of all cameras, for a body to be seen at all
 _LOST, _DEGRADED = 0.3, 0.6  # shares of the points that are no outliers
@@ -51,14 +51,13 @@ class KeypointJudge(Judge):
         correspondences, points = fit.correspondences, _points(fit)
         assert isinstance(correspondences, KeypointCorrespondences)
         squares, weights = correspondences.squares_px(fit.state), np.maximum(points.weights, 0.0)
-        reports = []
-        for i, camera in enumerate(self._rig):
-            image, own = image_set.get(camera.name), weights[:, i]
-            rms = float(np.sqrt((own * squares[:, i]).sum() / max(float(own.sum()), 1e-9)))
-            stamp_ns = 0 if image is None else image.stamp_ns
-            reports.append(CameraReport(camera.name, stamp_ns, rms, int((own > 0.5).sum())))
-        rms = float(np.sqrt((weights * squares).sum() / max(float(weights.sum()), 1e-9)))
-        return Report(tuple(reports), rms, inverse_covariance(fit.equations.H, 1.0))
+        of_cameras = [_rms(weights[:, i], squares[:, i]) for i in range(len(self._rig))]
+        cameras = camera_reports(self._rig, image_set, of_cameras, (weights > 0.5).sum(axis=0))
+        return Report(cameras, _rms(weights, squares), inverse_covariance(fit.equations.H, 1.0))
+
+
+def _rms(weights: np.ndarray, squares: np.ndarray) -> float:
+    return float(np.sqrt((weights * squares).sum() / max(float(weights.sum()), 1e-9)))
 
 
 def _points(fit: Fit) -> PointsAt:

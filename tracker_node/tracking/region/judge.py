@@ -19,10 +19,10 @@ from ...objective.lines import correspondence as kernel
 from ...objective.lines.correspondences import LineCorrespondences, PartEvidence
 from ...objective.lines.spacing import add_correlated
 from ...observation.image_set import ImageSet
-from ..assessment import Assessment, Report, assess_cameras
+from ..assessment import Assessment, Report, assess_cameras, camera_reports
 from ..config import RegionConfig, TrackerConfig
 from ..engine import Judge
-from ..estimate import CameraReport, Status
+from ..estimate import Status
 from ..keypoints.evidence import lost_odds
 from ..limbs.judge import LimbJudge, body_status, is_noise
 from ..uncertainty.covariance import ImageEvidence, fit_covariance
@@ -105,14 +105,15 @@ class RegionJudge(Judge):
 
     def report(self, fit: LineFit, image_set: ImageSet) -> Report:
         """Residuals of the lines, pixels, and the covariance."""
-        reports, squares, weight, lines = [], 0.0, 0.0, fit.correspondences.at(fit.state)
-        for i, camera in enumerate(self._rig):
-            image, stats = image_set.get(camera.name), lines.stats(i)
-            squares, weight = squares + stats[kernel.SQUARES], weight + stats[kernel.WEIGHT]
-            rms = float(np.sqrt(stats[kernel.SQUARES] / max(stats[kernel.WEIGHT], 1e-12)))
-            reports.append(CameraReport(camera.name, 0 if image is None else image.stamp_ns, rms, int(stats[kernel.COUNT])))
+        lines = fit.correspondences.at(fit.state)
+        stats = [lines.stats(i) for i in range(len(self._rig))]
+        cameras = camera_reports(self._rig, image_set, [_rms(own) for own in stats], [own[kernel.COUNT] for own in stats])
         images, (covariance, second_order) = self._of(fit)
-        return Report(tuple(reports), float(np.sqrt(squares / max(weight, 1e-12))), covariance, images, second_order)
+        return Report(cameras, _rms(sum(stats)), covariance, images, second_order)
+
+
+def _rms(stats: np.ndarray) -> float:
+    return float(np.sqrt(stats[kernel.SQUARES] / max(stats[kernel.WEIGHT], 1e-12)))
 
 
 def _log_ratio(evidence: PartEvidence) -> float:
