@@ -10,7 +10,6 @@ import hashlib
 import io
 import sqlite3
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -22,15 +21,10 @@ from tracker_node.observation.image_set import ImageSet
 from tracker_node.observation.keypoints.blazepose import NAMES, BlazePose, BlazePoseFiles
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People, Person, Silhouette, checked
+from tracker_node.runs.people.detection import Detector
 
 _CODE = tuple(path.read_bytes() for path in sorted(Path(keypoints.__file__).parent.glob("*.py")))  # as it has been loaded
 _NEAR_CENTER, _NEAR_SIZE, _NEAR_RAD = 0.04, 0.06, 0.08  # shares of a crop's size, and its angle
-
-
-class Detector(Protocol):
-    """Finds people in one image."""
-
-    def detect(self, image: np.ndarray, expected: Sequence[Crop] = ()) -> People: ...
 
 
 class Expecting(Protocol):
@@ -86,7 +80,11 @@ class KeptPeople:
         """
         images, total = [], 0.0
         for image, crop in zip(image_set.images, tracker.expected_crops(image_set.stamp_ns), strict=True):
-            found = self.find(np.ascontiguousarray(image.bgr), crop)
+            pixels = np.ascontiguousarray(image.bgr)
+            found = self.find(pixels, crop)
+            if crop is not None and not found.people:  # as people_in looks
+                whole = self.find(pixels, None)
+                found = Found(whole.people, found.ms + whole.ms)
             images.append(replace(image, people=found.people))
             total += found.ms
         return replace(image_set, images=tuple(images)), total

@@ -14,6 +14,7 @@ from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import ClothedClip
 from benchmark.clothed._runs import TOGETHER, WithPeople, joints_of, settings, with_given
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.runs.people.detection import people_in
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.tracker import Tracker
 
@@ -108,10 +109,7 @@ def starts(clip: ClothedClip, kept: KeptPeople, n: int, changes: Sequence[str]) 
 
     def asked(tracker: Tracker, image_set: ImageSet) -> tuple[ImageSet, float]:
         crops = tracker.expected_crops(image_set.stamp_ns)
-        people = [
-            kept.detector.detect(image.pixels, () if crop is None else (crop,))
-            for image, crop in zip(image_set.images, crops, strict=True)
-        ]
+        people = [people_in(kept.detector, image.pixels, crop)[0] for image, crop in zip(image_set.images, crops, strict=True)]
         return with_given(image_set, people), 0.0
 
     def tell(trial: Trial) -> None:

@@ -124,6 +124,27 @@ def test_every_second_set_counted_anew_where_stamps_go_back(clip: Clip) -> None:
         DetectionOptions(every_sets=0)
 
 
+class Here(Everywhere):
+    """A tracker that takes the body to be where cam01 shows it, where cam02 shows nobody, and out of sight of cam03."""
+
+    def expected_crops(self, stamp_ns: int) -> list[Crop | None]:
+        return [Crop((100.0, 100.0), 200.0), Crop((5.0, 5.0), 4.0), None]
+
+
+def test_where_nobody_is_in_the_crop_the_whole_image_is_searched(clip: Clip) -> None:
+    class Narrow(TrueDetector):
+        def detect(self, image: np.ndarray, expected: Any = ()) -> People:
+            found = super().detect(image, expected)
+            return () if expected and expected[0].size < 10.0 else found
+
+    detector = Narrow(clip)
+    detection = PeopleDetection(clip.rig, replace(CONFIG, threads=1), DetectionOptions(make=lambda: detector))
+    found = detection.with_people(Here(), image_sets(clip, 1)[0])
+    asked = [(camera, len(crops)) for camera, _, crops in detector.asked]
+    assert asked == [("cam01", 1), ("cam02", 1), ("cam02", 0), ("cam03", 0)]
+    assert [len(image.people or ()) for image in found.images] == [1, 1, 1] and len(detection.ms) == 3
+
+
 def test_people_that_are_there_already_are_left_alone(clip: Clip) -> None:
     detector = TrueDetector(clip)
     detection = PeopleDetection(clip.rig, CONFIG, DetectionOptions(make=lambda: detector))

@@ -15,16 +15,15 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
 from ...errors import TrackerError
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.crop import Crop
-from ...observation.keypoints.people import People
+from ...runs.people.detection import Detector, people_in
 from ...runs.set_formation import SetFormation
 from ...tracking.config import SynchronizerConfig
 from ..conversions import bgr_of_compressed, decode_raw_image
@@ -48,23 +47,6 @@ def be_nice(niceness: int) -> None:
     with suppress(OSError):
         if os.getsid(0) == os.getpid():
             Path("/proc/self/autogroup").write_text(f"{niceness}\n")
-
-
-class Detector(Protocol):
-    """Finds people in an image."""
-
-    def detect(self, image: np.ndarray, expected: Sequence[Crop] = ()) -> People:
-        """The people in an image.
-
-        Parameters
-        ----------
-        image : (height, width, 3) BGR.
-        expected : around people whose places are known; without any the whole image is searched.
-
-        Returns
-        -------
-        Those with a person in it.
-        """
 
 
 class DetectionWorker:
@@ -158,7 +140,9 @@ class DetectionWorker:
             for image in image_set.images:
                 if self._stopping.is_set():
                     return
-                found.append(replace(image, people=self._people(detector, image, crops.get(image.camera))))
+                people, in_crop = people_in(detector, image.bgr, crops.get(image.camera))
+                self.images, self.in_crops = self.images + 1, self.in_crops + in_crop
+                found.append(replace(image, people=people))
             self._on_people(found)
         except Exception as error:  # no image may end the thread
             self.failed += 1
@@ -171,16 +155,6 @@ class DetectionWorker:
         self.problem = ""
         self.detected += 1
         self.took_ms.append(1e3 * (time.perf_counter() - began))
-
-    def _people(self, detector: Detector, image: CameraImage, crop: Crop | None) -> People:
-        """In the crop; where nobody is in it, in the whole image."""
-        self.images += 1
-        if crop is not None:
-            people = detector.detect(image.bgr, [crop])
-            if people:
-                self.in_crops += 1
-                return people
-        return detector.detect(image.bgr)
 
 
 class NewestSet:

@@ -16,8 +16,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...camera.rig import CameraRig
-from ...errors import FileFormatError, TrackerError, extra_module
-from ...loaders.pose_weights import detector_name, pose_weights
+from ...errors import FileFormatError, TrackerError
+from ...loaders.pose_weights import detector_name, usable_weights
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.blazepose import BlazePose, PointNetwork
 from ...observation.keypoints.crop import Crop
@@ -44,6 +44,25 @@ class Detector(Protocol):
         In no particular order.
         """
         ...
+
+
+def people_in(detector: Detector, image: np.ndarray, crop: Crop | None) -> tuple[People, bool]:
+    """People where the body is expected; where nobody is, in the whole image. Live and offline look by this rule.
+
+    Parameters
+    ----------
+    detector : looks.
+    image : (height, width, 3) BGR.
+    crop : where the body is expected; None: anywhere.
+
+    Returns
+    -------
+    people : in no particular order.
+    expected : whether they are in the crop.
+    """
+    image = np.ascontiguousarray(image)
+    people = () if crop is None else detector.detect(image, (crop,))
+    return (people, True) if people else (detector.detect(image), False)
 
 
 class Expecting(Protocol):
@@ -135,7 +154,7 @@ class PeopleDetection:
             return image, None
         detector, began = self._idle.get(), time.perf_counter()
         try:
-            people = detector.detect(np.ascontiguousarray(image.bgr), () if crop is None else (crop,))
+            people, _ = people_in(detector, image.bgr, crop)
         finally:
             self._idle.put(detector)
         usable = tuple(checked(person) for person in people)
@@ -156,8 +175,7 @@ def _detectors(options: DetectionOptions, n: int) -> list[Detector]:
     """So many of the same kind, since one cannot be used by two threads."""
     if options.make is not None:
         return [options.make() for _ in range(n)]
-    extra_module("ai_edge_litert", "keypoints")  # before anything is fetched
-    files = pose_weights(options.weights)
+    files = usable_weights(options.weights)
     try:
         PointNetwork(files.points).read(_TRIAL, Crop((31.5, 31.5), 64.0))
     except (ValueError, RuntimeError, IndexError) as error:
