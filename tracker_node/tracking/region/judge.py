@@ -109,7 +109,7 @@ class RegionJudge(Judge):
         stats = [lines.stats(i) for i in range(len(self._rig))]
         cameras = camera_reports(self._rig, image_set, [_rms(own) for own in stats], [own[kernel.COUNT] for own in stats])
         images, (covariance, second_order) = self._of(fit)
-        return Report(cameras, _rms(sum(stats)), covariance, images, second_order)
+        return Report(cameras, _rms(np.sum(stats, axis=0)), covariance, images, second_order)
 
 
 def _rms(stats: np.ndarray) -> float:
