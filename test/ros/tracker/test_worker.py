@@ -33,7 +33,7 @@ class Bench:
     def __init__(self, probe, recording, lossless, most_bytes=MOST_BYTES, **changes):
         self.probe, self.tracker = probe, HeldTracker()
         rig = load_rig(recording / "rig.yaml")
-        inbox = InboxOptions(lossless=lossless, capacity=4, most_bytes=most_bytes)
+        inbox = InboxOptions(lossless=lossless, capacity=6, most_bytes=most_bytes)
         options = TrackerOptions(rig, tracked_arm(), inbox=inbox, make_tracker=lambda *_: self.tracker, **changes)
         self.node = TrackerNode(options)
         probe.add_node(self.node)
@@ -87,15 +87,15 @@ def build(probe, recording):
         bench.close()
 
 
-def test_the_newest_two_sets_win_and_the_others_are_counted(probe, build):
+def test_the_newest_four_sets_win_and_the_others_are_counted(probe, build):
     bench = build(lossless=False)
     bench.send(0)
     probe.spin_until(bench.tracker.stepping.is_set, "the first step")
-    for i in range(1, 5):
+    for i in range(1, 7):
         bench.send(i)
     bench.tracker.go.set()
-    probe.spin_until(lambda: len(bench.states) == 3, "three states")
-    assert stamps(bench.states) == [0, 3 * 33_000_000, 4 * 33_000_000]
+    probe.spin_until(lambda: len(bench.states) == 5, "five states")
+    assert stamps(bench.states) == [i * 33_000_000 for i in (0, 3, 4, 5, 6)]
     assert bench.node.skipped == 2
 
 
@@ -103,12 +103,12 @@ def test_waiting_images_are_bounded_and_the_loss_is_counted(probe, build):
     bench = build(lossless=False)
     bench.send(0)
     probe.spin_until(bench.tracker.stepping.is_set, "the first step")
-    for i in range(1, 11):  # six more than may wait
+    for i in range(1, 13):  # six more than may wait
         bench.send(i)
     bench.node.report()
     bench.tracker.go.set()
-    probe.spin_until(lambda: len(bench.states) == 3, "three states")
-    assert stamps(bench.states)[-1] == 10 * 33_000_000
+    probe.spin_until(lambda: len(bench.states) == 5, "five states")
+    assert stamps(bench.states)[-1] == 12 * 33_000_000
     assert bench.node._inbox.overflowed == {"cam1": 6, "cam2": 6, "cam3": 6} and bench.node.skipped == 2
     said = bench.said("cam2")
     assert any(level == DiagnosticStatus.WARN and "images are lost (overflowed" in message for level, message in said)
@@ -243,7 +243,7 @@ def test_a_tracker_that_is_too_slow_is_said_to_be_until_it_keeps_up(probe, build
     bench = build(lossless=False)
     bench.send(0)
     probe.spin_until(bench.tracker.stepping.is_set, "the first step")
-    for i in range(1, 5):
+    for i in range(1, 7):
         bench.send(i)
     bench.tracker.go.set()
 
@@ -252,7 +252,7 @@ def test_a_tracker_that_is_too_slow_is_said_to_be_until_it_keeps_up(probe, build
         return [k for k, (level, said) in found if level == DiagnosticStatus.WARN and said.startswith("too slow")]
 
     probe.spin_until(slow, "too slow")
-    sent, until_s = 5, time.monotonic() + TIMEOUT_S
+    sent, until_s = 7, time.monotonic() + TIMEOUT_S
     while (DiagnosticStatus.OK, "tracking") not in bench.said("rate")[slow()[-1] :]:
         assert time.monotonic() < until_s, "it is not said that it keeps up"
         bench.send(sent)

@@ -69,12 +69,29 @@ def test_what_a_new_worker_knows(bench):
     assert worker.rig is bench.rig and worker.config is CONFIG
 
 
-def test_the_newest_two_of_those_that_wait_are_tracked_and_no_more(tmp_path):
+def test_the_newest_four_of_those_that_wait_are_tracked_and_no_more(tmp_path):
     bench = Bench(tmp_path, lossless=False)
-    bench.step(10, 20)
-    assert bench.stamps == [10, 20] and bench.counts.skipped == 0
-    bench.step(30, 40, 50, 60, 70)
-    assert bench.stamps == [10, 20, 60, 70] and bench.counts.skipped == 3 and bench.counts.tracked == 4
+    bench.step(10, 20, 30, 40)
+    assert bench.stamps == [10, 20, 30, 40] and bench.counts.skipped == 0
+    bench.step(50, 60, 70, 80, 90, 100, 110)
+    assert bench.stamps == [10, 20, 30, 40, 80, 90, 100, 110] and bench.counts.skipped == 3 and bench.counts.tracked == 8
+
+
+def test_what_comes_during_a_step_is_newer_than_what_waits(tmp_path):
+    """None waits for longer than four periods, however long steps take."""
+    bench, period_ns = Bench(tmp_path, lossless=False), 33_000_000
+    tell = bench.worker._on_estimate
+
+    def told(estimate, image_set):
+        if not bench.estimates:
+            for i in range(10, 16):
+                for camera in NAMES:
+                    bench.inbox._enqueue(received(camera, i * period_ns))
+        tell(estimate, image_set)
+
+    bench.worker._on_estimate = told
+    bench.step(*(i * period_ns for i in range(1, 5)))
+    assert bench.stamps == [i * period_ns for i in (1, 12, 13, 14, 15)] and bench.counts.skipped == 5
 
 
 def test_a_lossless_worker_supersedes_none(bench):

@@ -124,6 +124,19 @@ def test_lines_begin_where_points_have_led_and_are_drawn_about_the_fit(clip, eng
     assert off_m(engine.solver._fitting.fit(start, (2.0, 1.0), None, fit.model_sigma_px).state, clip.states[1]).max() > 0.05
 
 
+def test_searches_for_limbs_rest_while_points_come(clip, engine, monkeypatch):
+    solver, images, searched = engine.solver, [image.pixels for image in clip.sets[1].images], []
+    monkeypatch.setattr(solver, "_doubtful", lambda fit: {1: 3.0})
+    monkeypatch.setattr(solver._search, "recover", lambda *_: searched.append(True))
+    engine.fit(clip.states[1], first=False)
+    counts = []
+    for _ in range(35):
+        engine.observe(images, clip.states[1])
+        engine.fit(clip.states[1], first=False)
+        counts.append(len(searched))
+    assert [1 + int(k) for k in np.flatnonzero(np.diff(counts, prepend=0))] == [*range(1, 30, 3), *range(30, 36)]
+
+
 def test_points_count_in_full_beside_lines(clip, engine):
     fit = engine.fit(clip.states[1], first=False)
     _, points = engine.modalities

@@ -30,7 +30,7 @@ from .setup import (
     unknown_estimate,
 )
 
-_AT_ONCE = 2  # image sets that may wait in a graph that is watched live
+_AT_ONCE = 4  # image sets that may wait in a graph that is watched live: a search takes as long as three, 0.1 s at 30 Hz
 
 
 class TrackingWorker:
@@ -41,7 +41,7 @@ class TrackingWorker:
     setup : as it is at first; images wait while it has no tracker. Later ones come by `use`.
     on_estimate : called in the thread with each estimate and its image set.
     initial_state : what is said of the body, together with that it is lost, when image sets fail before any was tracked.
-    lossless : every image set is tracked, in order; otherwise only the newest two of those that wait, and the others are
+    lossless : every image set is tracked, in order; otherwise only the newest four of those that wait, and the others are
         counted: one that came late is made up for, a tracker that is too slow does not fall behind.
     points : of a detector, for the image sets, for which a lossless worker waits; None: none are used.
 
@@ -209,12 +209,11 @@ class TrackingWorker:
             self._leave(self._beyond_waiting(), UNCALIBRATED)
             return
         received, self._not_yet = self._not_yet + received, []
-        sets: list[ImageSet] = []
-        for item in received:
-            image = self._usable(item)
-            if image is not None:
-                sets += self.formation.add(image)
-        self._track(sets)
+        self._track(self._formed(received))
+
+    def _formed(self, received: list[Received]) -> list[ImageSet]:
+        images = (self._usable(item) for item in received)
+        return [image_set for image in images if image is not None for image_set in self.formation.add(image)]
 
     def _beyond_waiting(self) -> list[Received]:
         """Images that are too many to wait for lenses: all but the newest; where nothing may be lost, those beyond the limit."""
@@ -252,17 +251,18 @@ class TrackingWorker:
         return image
 
     def _track(self, sets: list[ImageSet]) -> None:
-        if not self._lossless and len(sets) > _AT_ONCE:
-            self.counts.skipped += len(sets) - _AT_ONCE
-            sets = sets[-_AT_ONCE:]
-        for i, image_set in enumerate(sets):
-            if self._ends():
-                self.counts.skipped += len(sets) - i
+        while sets:
+            too_many = len(sets) if self._ends() else 0 if self._lossless else max(0, len(sets) - _AT_ONCE)
+            self.counts.skipped += too_many
+            sets = sets[too_many:]
+            if not sets:
                 return
             self.at_work_since_s = time.monotonic()
-            self._step(image_set)
+            self._step(sets.pop(0))
             self.at_work_since_s = None
             self._thread.obey()
+            if not self._lossless and not self.paused and self._setup.tracker is not None:  # what came meanwhile is newer
+                sets += self._formed(self._inbox.take(timeout_s=0.0))
 
     def _ends(self) -> bool:
         return self._thread.stopping.is_set() and not self._finishing

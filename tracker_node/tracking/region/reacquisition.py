@@ -33,6 +33,8 @@ _CLEARLY = 0.05  # fraction of the outline by which long lines must do better th
 _CLEAR_ODDS = -1.5  # log odds of lost, below which a limb is where it was found, wherever else it might have been
 _UNCERTAIN_M = 0.15  # standard deviation of where a limb's end is expected, beyond which it is searched in any case
 _FIRST_ROUNDS = 3  # of trying all limbs elsewhere, at most, on the first image set
+_REST_SETS = 3  # from one search for limbs to the next while points come, which do without: live, one after another is too much
+_POINTS_COME = 30  # image sets since the last points, within which they do
 _LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be compared with it
 
 
@@ -93,6 +95,7 @@ class Reacquisition(Solver):
     def _forget(self) -> None:
         self._misfit = Misfit()
         self._failed = 0  # searches for a lost body in a row
+        self._since_points, self._since_search = _POINTS_COME, _REST_SETS  # image sets
 
     def restart(self) -> bool:
         """The body that comes may be another one, or look otherwise, unless it was tracked until now."""
@@ -103,7 +106,9 @@ class Reacquisition(Solver):
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> LineFit:
         """A few Gauss-Newton steps on the lines of each scale, and searches for what they have not reached."""
+        self._since_points, self._since_search = self._since_points + 1, self._since_search + 1
         if self._points is not None and self._points.modality.has_points:
+            self._since_points = 0
             fit = self._led_by_points(self._points, start, first, prior)
         elif first:
             fit = self.first(start, prior, self._model_sigma_px)
@@ -190,6 +195,8 @@ class Reacquisition(Solver):
             return fit
         if self._judge.body_lost and self.tracked is not None:
             return self._restarted(fit, self.tracked)
+        if self._since_points < _POINTS_COME and self._since_search < _REST_SETS:
+            return fit
         doubtful, lost = self._doubtful(fit), self._judge.lost
         # Of a lost limb nobody knows where it is: its prediction grows wide, which is no reason not to pause
         uncertain = [i for i in self._uncertain(start, prior) if i not in lost or not self._search.pauses(i)]
@@ -198,7 +205,7 @@ class Reacquisition(Solver):
             uncertain = [i for i in uncertain if self._search.odds(i, evidence) > _CLEAR_ODDS]
         if not doubtful and not uncertain:
             return fit
-        before = fit
+        before, self._since_search = fit, 0
         if doubtful and self._scales is not self._all_scales:  # the longest lines reach what has moved far, or anything else
             coarse = self._better(self._fitting.fit(start, self._all_scales, prior, fit.model_sigma_px), fit)
             if coarse is not None:
