@@ -14,9 +14,9 @@ SMALL = from_dict(
     {
         "initialization.size_px": 56, "initialization.hypotheses": 24, "initialization.candidates": 2,
         "initialization.repaired_candidates": 1, "initialization.tracked_sets": 2,
-        "initialization.after_lost_sets": 3,
+        "initialization.after_lost_sets": 3, "initialization.seed": 1,
     }
-)  # fmt: skip
+)  # fmt: skip  # so few hypotheses end with a shoulder 12 cm off from one seed in six, and turned about from another
 WRONG = standing(SCENE.model, -0.6, 0.5, -2.5, left_shoulder_elevation_front=60)
 TRUE = standing(
     SCENE.model, 0.2, -0.2, 0.4, left_hip_flexion=25, right_hip_flexion=-15, right_knee_flexion=20,
