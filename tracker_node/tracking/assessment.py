@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.rig import CameraRig
+from ..camera.rig import Camera
 from ..observation.image_set import ImageSet
 from .estimate import CameraReport, LimbReport, Status
 from .uncertainty.covariance import ImageEvidence
@@ -78,7 +78,7 @@ def inverse_covariance(H: np.ndarray, variance: float) -> np.ndarray:
 
 
 def camera_reports(
-    rig: CameraRig, image_set: ImageSet, rms: Sequence[float] | np.ndarray, samples: Sequence[int] | np.ndarray
+    rig: Iterable[Camera], image_set: ImageSet, rms: Sequence[float] | np.ndarray, samples: Sequence[int] | np.ndarray
 ) -> tuple[CameraReport, ...]:
     """Each camera's part in a fit.
 
@@ -91,9 +91,10 @@ def camera_reports(
     -------
     In the order of the rig.
     """
-    images = [image_set.get(name) for name in rig.names]
+    names = [camera.name for camera in rig]
+    images = [image_set.get(name) for name in names]
     stamps_ns = [0 if image is None else image.stamp_ns for image in images]
-    return tuple(map(CameraReport, rig.names, stamps_ns, map(float, rms), map(int, samples)))
+    return tuple(map(CameraReport, names, stamps_ns, map(float, rms), map(int, samples)))
 
 
 def assess_cameras(

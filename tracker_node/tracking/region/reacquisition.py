@@ -38,6 +38,42 @@ _POINTS_COME = 30  # image sets since the last points, within which they do
 _LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be compared with it
 
 
+class _Pace:
+    """When searches are due, which take longer than an image set may: of limbs, and of a lost body, every ``interval_sets``."""
+
+    def __init__(self, interval_sets: int):
+        self._interval_sets = interval_sets
+        self.reset()
+
+    def reset(self) -> None:
+        """No points have come, and nothing has been searched."""
+        self._failed = 0  # searches for a lost body in a row
+        self._since_points, self._since_limbs = _POINTS_COME, _REST_SETS  # image sets
+
+    def next_set(self, has_points: bool) -> None:
+        """An image set comes, with points or without."""
+        self._since_points = 0 if has_points else self._since_points + 1
+        self._since_limbs += 1
+
+    @property
+    def limbs_due(self) -> bool:
+        """Whether limbs may be searched."""
+        return self._since_points >= _POINTS_COME or self._since_limbs >= _REST_SETS
+
+    def limbs_searched(self) -> None:
+        """They have been."""
+        self._since_limbs = 0
+
+    def body_due(self) -> bool:
+        """Whether a body that is still lost may be searched: in every few sets, once two searches have failed."""
+        self._failed += 1
+        return self._failed <= 2 or self._failed % self._interval_sets == 0
+
+    def body_found(self) -> None:
+        """It is not lost."""
+        self._failed = 0
+
+
 @dataclass(frozen=True, eq=False)
 class _ImagesOfSet:
     """The present images for `LimbSearch`; contours are taken to be off by ``model_sigma_px``."""
@@ -78,8 +114,8 @@ class Reacquisition(Solver):
         self._rig, self._model, self._region = rig, model, config.region
         self._judge, self._fitting, self._area = judge, fitting, area
         self._points = points
-        self._all_scales, self._interval_sets = numbers(config.region.scales), config.limb_search.interval_sets
-        self._search = LimbSearch(model, judge, config.limb_search)
+        self._all_scales = numbers(config.region.scales)
+        self._search, self._pace = LimbSearch(model, judge, config.limb_search), _Pace(config.limb_search.interval_sets)
         self._scales = self._all_scales
         if points is None and len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
             self._scales = self._all_scales[1:]  # coarse lines find a narrow limb on any stripe of its color
@@ -94,8 +130,7 @@ class Reacquisition(Solver):
 
     def _forget(self) -> None:
         self._misfit = Misfit()
-        self._failed = 0  # searches for a lost body in a row
-        self._since_points, self._since_search = _POINTS_COME, _REST_SETS  # image sets
+        self._pace.reset()
 
     def restart(self) -> bool:
         """The body that comes may be another one, or look otherwise, unless it was tracked until now."""
@@ -106,9 +141,9 @@ class Reacquisition(Solver):
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> LineFit:
         """A few Gauss-Newton steps on the lines of each scale, and searches for what they have not reached."""
-        self._since_points, self._since_search = self._since_points + 1, self._since_search + 1
-        if self._points is not None and self._points.modality.has_points:
-            self._since_points = 0
+        has_points = self._points is not None and self._points.modality.has_points
+        self._pace.next_set(has_points)
+        if self._points is not None and has_points:
             fit = self._led_by_points(self._points, start, first, prior)
         elif first:
             fit = self.first(start, prior, self._model_sigma_px)
@@ -129,7 +164,8 @@ class Reacquisition(Solver):
             return
         self._search.remember(fit.state, assessment.limbs)
         if assessment.status is not Status.LOST:
-            self.tracked, self._failed = fit.state, 0
+            self.tracked = fit.state
+            self._pace.body_found()
 
     def first(self, start: State, prior: Prior | None, model_sigma_px: float) -> LineFit:
         """The fit of a first image set.
@@ -195,7 +231,7 @@ class Reacquisition(Solver):
             return fit
         if self._judge.body_lost and self.tracked is not None:
             return self._restarted(fit, self.tracked)
-        if self._since_points < _POINTS_COME and self._since_search < _REST_SETS:
+        if not self._pace.limbs_due:
             return fit
         doubtful, lost = self._doubtful(fit), self._judge.lost
         # Of a lost limb nobody knows where it is: its prediction grows wide, which is no reason not to pause
@@ -205,7 +241,8 @@ class Reacquisition(Solver):
             uncertain = [i for i in uncertain if self._search.odds(i, evidence) > _CLEAR_ODDS]
         if not doubtful and not uncertain:
             return fit
-        before, self._since_search = fit, 0
+        self._pace.limbs_searched()
+        before = fit
         if doubtful and self._scales is not self._all_scales:  # the longest lines reach what has moved far, or anything else
             coarse = self._better(self._fitting.fit(start, self._all_scales, prior, fit.model_sigma_px), fit)
             if coarse is not None:
@@ -246,12 +283,11 @@ class Reacquisition(Solver):
 
         After two failed searches, it is searched in every few sets only: who is slow loses more.
         """
-        self._failed += 1
-        if self._failed > 2 and self._failed % self._interval_sets:
+        if not self._pace.body_due():
             return fit
         again = self.first(tracked, None, fit.model_sigma_px)
         if self._close_share(again) > self._close_share(fit):
-            self._failed = 0
+            self._pace.body_found()
             return replace(again, jumped=True)
         return self._fitting.redrawn(fit)
 
