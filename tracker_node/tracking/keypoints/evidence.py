@@ -14,15 +14,16 @@ from ..limbs.tree import Limb
 _ELSEWHERE_PX2 = 55.0**2  # mean square of how far a point of a lost limb is off, in pixels, on a body of `_BODY_PX`
 _BODY_PX = 200.0
 _CORRELATION = 1.5  # how many cameras share one error
-_LEAST_SCORE = 1.0  # of a point, over all cameras, that says anything
+_LEAST_SCORE, _LEAST_OF_ONE = 1.0, 0.5  # of a point that says anything: over all cameras, or of a camera alone
 _LIMIT = 6.0  # log odds of one point
+_OF_ONE_CAMERA = -1.5  # the least that points of one camera say: not lost in its image, but too little to confirm a depth
 
 
 def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Limb], body_px: float) -> np.ndarray:
     """Log odds of each limb being lost, by its worst point that is seen by two cameras.
 
     A point of a limb that is elsewhere is somewhere around; one that is in place has the residual that its covariance says, or is
-    an outlier in either case. Points of one camera alone can speak against a limb, not for it: its depth may be mirrored.
+    an outlier in either case. Points of one camera alone say little for a limb: its depth may be mirrored.
 
     Parameters
     ----------
@@ -45,11 +46,12 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
     ratio = np.where(seen, np.log((away + odds) / (near + odds)), 0.0)
     scores = np.where(seen, observed[:, :, SCORE], 0.0)
     by_point = np.clip((scores * ratio).sum(axis=1) / _CORRELATION, -_LIMIT, _LIMIT)
-    by_point[scores.sum(axis=1) < _LEAST_SCORE] = 0.0  # guessed everywhere: that guesses agree with each other says nothing
+    guessed = scores.sum(axis=1) < np.where(seen.sum(axis=1) == 1, _LEAST_OF_ONE, _LEAST_SCORE)
+    by_point[guessed] = 0.0  # guessed everywhere: that guesses agree with each other says nothing
     result = np.full(len(limbs), np.nan)
     for i, limb in enumerate(limbs):
         own = limb.links[points.body.links] & seen.any(axis=1)
         if own.any():
             several = own & (seen.sum(axis=1) >= 2)
-            result[i] = by_point[several].max() if several.any() else max(by_point[own].max(), 0.0)
+            result[i] = by_point[several].max() if several.any() else max(by_point[own].max(), _OF_ONE_CAMERA)
     return result
