@@ -173,8 +173,7 @@ class Pipeline:
         tracker = ["tracker", *options.body, *lossless, "--end-on-failure", "--wait-for", *listeners]
         self._children["tracker"] = Child([*tracker, *options.ros_args])
         if options.detector is not None:
-            listening = ["--wait-for-subscribers", str(1 + (options.bag is not None))]  # the tracker, the recorder
-            arguments = ["keypoints", *options.detector, *listening, *options.ros_args]
+            arguments = ["keypoints", *options.detector, *options.ros_args]
             self._children["keypoints"] = Child(arguments, self._on_detector_line)
         if not self._wait_for("the tracker", lambda: self._subscription.get_publisher_count() > 0):
             return False

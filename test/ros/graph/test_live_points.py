@@ -90,6 +90,15 @@ def test_a_live_run_with_points_is_made_again_bit_for_bit(arguments: list[str], 
         assert all(reader.topics[f"/cam0{i}/keypoints"].message_count >= 1 for i in (1, 2, 3, 4))
 
 
+def test_points_that_no_tracker_compares_are_recorded_all_the_same(arguments: list[str], tmp_path: Path, start) -> None:
+    (tmp_path / "config.yaml").write_text("modalities: [region]\n")
+    changed = [*arguments, "--config", str(tmp_path / "config.yaml"), "--keypoints", "on", "--rate", "8", "--real-time"]
+    pipeline = start("pipeline", *changed, "--bag", str(tmp_path / "live"))
+    assert pipeline.process.wait(240) == 0, pipeline.text
+    with BagReader(tmp_path / "live") as reader:
+        assert all(reader.topics[f"/cam0{i}/keypoints"].message_count >= 1 for i in (1, 2, 3, 4)), pipeline.text
+
+
 def test_without_a_detector_the_pipeline_says_so_and_goes_on(arguments: list[str], tmp_path: Path, start, monkeypatch) -> None:
     (tmp_path / "ai_edge_litert.py").write_text("raise ModuleNotFoundError(name='ai_edge_litert')\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))

@@ -169,7 +169,8 @@ def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool
             raise
         print(f"pipeline: without points of people: {error}", file=sys.stderr, flush=True)
         return None
-    result = ["--rig", str(args.rig), "--cameras", *cameras]
+    listeners = wanted + (args.bag is not None)  # the tracker, if it compares points, and the recorder
+    result = ["--rig", str(args.rig), "--cameras", *cameras, "--wait-for-subscribers", str(listeners)]
     rate = args.keypoints_rate
     if rate is None and not args.real_time:  # the tracker waits for the points of every set
         rate, result = 0.0, [*result, "--lossless", "--niceness", "0"]
