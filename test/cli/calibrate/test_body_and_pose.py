@@ -88,6 +88,8 @@ def test_landmarks_from_a_tracked_trial(trc_path, tmp_path):
     (["body", "--stature", "18"], "0.4 to 3 meters"),
     (["body", "--stature", "1.8", "--joint-sigma-mm", "-1"], "--joint-sigma-mm"),
     (["body", "--stature", "1.8", "--ankles", "--model", "MODEL"], "--ankles"),
+    (["body", "--from-run", "out/run", "--ankles"], "--ankles"),
+    (["body", "--from-points", "rig.yaml", "--ankles", "--model", "MODEL"], "--ankles"),
     (["body", "--trc", "none.trc"], "none.trc"),
     (["body", "--trc", "TRC", "--states", "s.csv"], "--states"),
     (["pose", "--model", "none.yaml", "--trc", "TRC"], "none.yaml"),

@@ -84,6 +84,8 @@ def run(args: argparse.Namespace) -> int:
     from ...loaders.motion.trc import load_trc
     from ...model.humans.human import human_model
 
+    given = args.model or args.from_run
+    check(not (args.ankles and given), "--ankles", "no --model or --from-run beside it, whose joints are their own", "both")
     if args.from_run:
         return _fit_to_images(args)
     if args.from_points:
@@ -96,7 +98,6 @@ def run(args: argparse.Namespace) -> int:
     check(args.joint_sigma_mm is None or 0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
     refuse_to_overwrite(args, args.output)
-    check(not (args.ankles and args.model), "--ankles", "no --model beside it, whose joints are its own", "both")
     model = load_model(args.model) if args.model else human_model(ankles=args.ankles)
     sigma_m = None if args.joint_sigma_mm is None else args.joint_sigma_mm / 1000.0
     options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=args.stature)
