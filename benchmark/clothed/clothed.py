@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Clothed people before walls of their clothes' colors: points and contours together, and each alone, against exact joints.
 
-Clips: ``jump`` and ``box``, rendered by others (``clothed_people`` beside the other recordings that TRACKER_SHARED_DATA names),
-and seeds 1 to 8 of ``draw_clips.py`` where they are drawn; ``--clips`` names others. The body has ankles, and is
-scaled to ``static.trc``; parameters are the defaults, no background is known, states are those of the moment. ``clothed_CLIP``:
-modalities region and keypoints, the body is found in the first image set; ``..._points``: keypoints alone; ``..._contours``: region alone, from the
-true state; ``..._own_body``: both modalities, the body made from the points of the first five image sets; ``bone_error_mm``: of
-the lengths of its eight limb bones. ``mpjpe12_mm``, ``offset_free12_mm``: mean error of 12 joints, raw, and without one constant
-offset a joint in the world.
+Clips: ``jump`` and ``box``, rendered by others (``clothed_people`` beside the other recordings that TRACKER_SHARED_DATA
+names), and seeds 1 to 8 of ``draw_clips.py`` where they are drawn; ``--clips`` names others. The body has ankles, and is
+scaled to ``static.trc``; parameters are the defaults, no background is known, states are those of the moment.
+``clothed_CLIP``: modalities region and keypoints, the body is found in the first image set; ``..._points``: keypoints alone;
+``..._contours``: region alone, from the true state; ``..._own_body``: both modalities, the body made from the points of the
+first five image sets; ``bone_error_mm``: of the lengths of its eight limb bones. ``mpjpe12_mm``, ``offset_free12_mm``: mean
+error of 12 joints, raw, and without one constant offset a joint in the world.
 
 ``clothed.wrong_called_tracking``, ``right_called_lost``: fractions of the limb-sets that are wrong (end joint more than 150 mm
 off) or right: together and contours as above, and together with a limb put wrong at the start, with a fifth of the detections
