@@ -15,14 +15,13 @@ from tracker_node.calibration import balancing
 from tracker_node.calibration.clocks.motion import MotionMeter
 from tracker_node.calibration.clocks.offsets import estimate_clocks
 from tracker_node.calibration.points.bundle_adjustment import AdjustmentOptions, PointObservations, adjust
-from tracker_node.calibration.points.rig_refinement import collect_joints, refine_rig
+from tracker_node.calibration.points.rig_refinement import load_joints, refine_rig
 from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.camera.rig import CameraRig
 from tracker_node.cli.main import main as command
 from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import dump_state
-from tracker_node.loaders.motion.openpose_json import load_openpose, match_cameras
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.synthesis.motions.deepmimic import load_motion
 from tracker_node.synthesis.motions.motion import Motion
@@ -178,8 +177,7 @@ def balancing_section() -> Figures:
         print("balancing: skipped, needs the recording pose2sim_balancing in the folder that TRACKER_SHARED_DATA names")
         return {}
     rig = balancing.named_rig(recording / "calibration.toml")
-    groups = match_cameras(load_openpose(recording / "points2d.zip"), rig.names)
-    joints = collect_joints(rig, [list(groups[name].people) for name in rig.names])
+    joints = load_joints(recording / "points2d.zip", rig)
     paths = refined_balancing(recording)
     caps = np.array([cap_centers(str(camera.source)) for camera in load_rig(paths[0])]).transpose(1, 0, 2)
     half = len(joints) // 2

@@ -20,8 +20,8 @@ from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.keypoints.formats import load_points
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
-from tracker_node.loaders.motion.openpose_json import load_openpose
 
 PATIENCE_S, MORE_S = 3.0, 0.5  # for the first byte, and after one
 SOURCES = ("tracker_node", "tools", "benchmark", "launch", "msgs")
@@ -101,7 +101,7 @@ def test_an_archive_of_joints_writes_nothing(tmp_path):
         for name in ("../outside.json", "/tmp/outside_tracker.json", "cam01/000.json"):
             writer.writestr(name, json.dumps({"people": []}))
     before = sorted(tmp_path.rglob("*"))
-    load_openpose(archive)
+    load_points(archive)
     assert sorted(tmp_path.rglob("*")) == before
     assert not Path("/tmp/outside_tracker.json").exists()
 
@@ -116,7 +116,7 @@ def test_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path):
             member.write(b" " * 2**20)
     assert archive.stat().st_size < 2**20
     with pytest.raises(FileFormatError, match=r"points2d\.zip"):
-        load_openpose(archive)
+        load_points(archive)
 
 
 @pytest.mark.parametrize("elsewhere", ["../secret.mcap", "{absolute}"])

@@ -14,7 +14,7 @@ from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.images.recorded_source import SourceOptions
 from tracker_node.loaders.images.stamps import MOST_NS, load_stamp_file
 from tracker_node.loaders.json_values import parse_json
-from tracker_node.loaders.motion.openpose_json import load_openpose
+from tracker_node.loaders.keypoints.formats import load_points
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, read_states, write_states
 from tracker_node.loaders.rig.qualisys_xml import load_qualisys
 from tracker_node.runs.load import load_run
@@ -52,7 +52,7 @@ def test_damaged_archives_of_points(tmp_path, kind):
     path = tmp_path / "points.zip"
     path.write_bytes(ARCHIVES[kind](archive(path)))
     with pytest.raises(FileFormatError, match=r"points\.zip"):
-        load_openpose(path)
+        load_points(path)
 
 
 @pytest.mark.parametrize("points", [DEEP, "1" * 5000, json.dumps([10**400] * 3)])
@@ -60,7 +60,7 @@ def test_points_without_end(tmp_path, points):
     (tmp_path / "cam1").mkdir()
     (tmp_path / "cam1/cam1_1.json").write_text(f'{{"people": [{{"pose_keypoints_2d": {points}}}]}}')
     with pytest.raises(FileFormatError, match=r"cam1_1\.json"):
-        load_openpose(tmp_path)
+        load_points(tmp_path)
 
 
 @pytest.mark.parametrize("encoding", ["klingon", "utf-7", "shift_jisx0213", "idna"])

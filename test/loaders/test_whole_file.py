@@ -15,12 +15,12 @@ from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.csv_file import CsvTable
 from tracker_node.loaders.json_values import read_json
+from tracker_node.loaders.keypoints.formats import load_points
 from tracker_node.loaders.layouts.foxglove import write_foxglove_layout
 from tracker_node.loaders.layouts.plotjuggler import write_plotjuggler_layout
 from tracker_node.loaders.layouts.viewed_graph import ViewedGraph
 from tracker_node.loaders.model.mesh_file import read_texture
 from tracker_node.loaders.model.urdf_xml import read_robot
-from tracker_node.loaders.motion.openpose_json import load_openpose
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.rig.calibration_toml import dump_calibration_toml, load_pose2sim
 from tracker_node.loaders.rig.dlt_text import dump_dlt
@@ -145,10 +145,10 @@ def test_archives_unpack_to_a_limit(tmp_path: Path) -> None:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("cam1/a_0.json", b" " * 5_000_000)
     with pytest.raises(FileFormatError, match=r"cam1/a_0.json.*at most 4 MB of JSON, got '5 MB'"):
-        load_openpose(path)
+        load_points(path)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         member = b" " * 4_000_000
         for i in range(501):
             archive.writestr(f"cam1/a_{i}.json", member)
     with pytest.raises(FileFormatError, match=r"at most 2000 MB unpacked, got '2004 MB'"):
-        load_openpose(path)
+        load_points(path)

@@ -17,12 +17,11 @@ import numpy as np
 
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError, SourceError
-from ..loaders.motion.openpose_json import load_openpose, match_cameras
 from ..loaders.rig.calibration_toml import load_pose2sim
 from ..loaders.rig.rig_yaml import CameraEntry, RigFile, rig_file_of, write_rig_file
 from ..loaders.whole_file import write_whole
 from .background import build_background, spread_images, write_image
-from .points.rig_refinement import Refinement, collect_joints, refine_rig
+from .points.rig_refinement import Refinement, load_joints, refine_rig
 
 # Calibration pixels of a pixel of the narrow videos: fitted to the stills (affine image registration), to about 0.3 px.
 NARROW_MAP = ((1.0074, 0.0, 0.0), (0.0, 1.0074, -7.2))
@@ -59,8 +58,7 @@ def write_rigs(folder: Path) -> Refinement:
     rig = named_rig(folder / "calibration.toml")
     original = rig_file(rig, "videos")
     write_rig_file(original, folder / "rig.yaml")
-    groups = match_cameras(load_openpose(folder / "points2d.zip"), rig.names)
-    refinement = refine_rig(rig, collect_joints(rig, [list(groups[name].people) for name in rig.names]))
+    refinement = refine_rig(rig, load_joints(folder / "points2d.zip", rig))
     places = {camera.name: camera.T_world_cam for camera in refinement.rig}
     write_rig_file(rig_file(rig, "static").with_extrinsics(places), folder / "rig_static.yaml")
     write_rig_file(original.with_extrinsics(places), folder / "rig_refined.yaml")

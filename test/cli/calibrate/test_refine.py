@@ -1,6 +1,7 @@
 """``calibrate refine`` and ``calibrate background`` on files, as a user runs them."""
 
 import json
+import shutil
 
 import cv2
 import numpy as np
@@ -35,6 +36,12 @@ def test_a_disturbed_rig_is_mended(files, capsys):
     apart = [np.linalg.norm(rig["cam03"].center - rig["cam02"].center) for rig in (true, given, refined)]
     assert abs(apart[2] - apart[0]) < abs(apart[1] - apart[0]) + 0.02
     assert "cam04" in capsys.readouterr().out
+
+
+def test_each_camera_needs_points_of_its_own(files, capsys):
+    shutil.rmtree(files / "pose/cam03_json")
+    assert refine(files) == 2
+    assert "2D points for camera 'cam03'; valid: cam01_json, cam02_json, cam04_json" in capsys.readouterr().err
 
 
 def test_joints_in_calibration_pixels_of_a_mapped_video(files, capsys):

@@ -10,11 +10,8 @@ import pytest
 from helpers.fuzz.mutations import damage_content
 from helpers.sources import point_files as files
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.keypoints.coco import load_coco
+from tracker_node.loaders.keypoints import coco, mediapipe, mmpose, openpose
 from tracker_node.loaders.keypoints.formats import load_points
-from tracker_node.loaders.keypoints.mediapipe import load_mediapipe
-from tracker_node.loaders.keypoints.mmpose import load_mmpose
-from tracker_node.loaders.keypoints.openpose import load_openpose
 
 PARTS = ("nose", "left_paw", "right_paw", "tail")
 
@@ -23,15 +20,16 @@ def some_json(folder, kind):
     """A valid file, and its reader."""
     if kind == "openpose":
         file = next(files.write_openpose(folder / "cam1", files.some_people(17)[:1]).iterdir())
-        return file, lambda path: load_openpose(path.parent)
+        return file, lambda path: openpose.read(path.parent)
     if kind == "mmpose images":
         file = next(files.write_mmpose_images(folder / "cam1", files.some_people(17)[:1]).iterdir())
-        return file, lambda path: load_mmpose(path.parent)
+        return file, lambda path: mmpose.read(path.parent)
     if kind == "mmpose":
-        return files.write_mmpose_video(folder / "a.json", files.some_people(4), PARTS), load_mmpose
+        return files.write_mmpose_video(folder / "a.json", files.some_people(4), PARTS), mmpose.read
     if kind == "mediapipe":
-        return files.write_mediapipe_json(folder / "a.json", files.some_people(33), 640, 480), load_mediapipe
-    return files.write_coco(folder / "a.json", files.some_people(17)), load_coco
+        file = files.write_mediapipe_json(folder / "a.json", files.some_people(33), 640, 480)
+        return file, lambda path: {"a": mediapipe.of_json(path)}
+    return files.write_coco(folder / "a.json", files.some_people(17)), lambda path: {"a": coco.of_json(path)}
 
 
 @pytest.mark.parametrize("kind", ["openpose", "mmpose images", "mmpose", "mediapipe", "coco"])
@@ -42,7 +40,7 @@ def test_json_with_one_thing_wrong(tmp_path, kind):
         path.write_text(json.dumps(damage_content({"all": valid}, rng).get("all"), default=str), errors="replace")
         try:
             for camera in load(path).values():
-                people = camera.for_images(640, 480)
+                people = camera.camera().for_images(640, 480)
                 for found in people.values():
                     assert all(np.isfinite(person.pixels).all() and np.isfinite(person.covariances).all() for person in found)
         except FileFormatError as error:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helpers.sources import point_files as files
-from tracker_node.errors import FileFormatError, MissingExtraError, UnknownNameError
+from tracker_node.errors import FileFormatError, MissingExtraError
 from tracker_node.loaders.keypoints import formats, names
 from tracker_node.loaders.keypoints.formats import detect, load_points
 
@@ -159,6 +159,7 @@ def test_names_of_the_user(tmp_path):
     with pytest.raises(FileFormatError, match=r"17 \(coco_17\).*or a keypoint table with 'names', got '4 points'"):
         load_points(file)
     assert load_points(file, PARTS)["cam1"].names == PARTS
+    assert load_points(file, None)["cam1"].names == ("0", "1", "2", "3")
     with pytest.raises(FileFormatError, match="3 points, for which the table has names"):
         load_points(file, PARTS[:3])
 
@@ -171,8 +172,6 @@ def test_what_is_none(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileFormatError, match=r"\*\.h5, \*\.csv, \*\.json"):
         load_points(tmp_path / "empty")
-    with pytest.raises(UnknownNameError, match="format of points 'vicon'"):
-        load_points(tmp_path / "a.json", kind="vicon")
 
 
 def test_the_real_clip(shared_data, tmp_path):

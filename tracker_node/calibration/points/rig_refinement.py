@@ -8,13 +8,18 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from ...camera.rig import CameraRig
-from ...errors import CalibrationError
+from ...errors import CalibrationError, UnknownNameError
 from ...geometry import se3, so3
+from ...loaders.keypoints.camera_people import match_files
+from ...loaders.keypoints.formats import load_points
+from ...observation.keypoints.people import People
 from .bundle_adjustment import Adjustment, AdjustmentOptions, PointObservations, adjust
 from .triangulation import reproject, triangulate
 
@@ -88,7 +93,41 @@ class Refinement:
         return metrics
 
 
-def collect_joints(rig: CameraRig, people: list[list[np.ndarray]]) -> np.ndarray:
+def load_joints(path: str | Path, rig: CameraRig) -> np.ndarray:
+    """Joints of one person in the files of any detector (`collect_joints`).
+
+    Parameters
+    ----------
+    path : file or folder, see `load_points`.
+    rig : cameras for the images in which the detector has looked.
+
+    Returns
+    -------
+    (n_images, n_joints, n_cameras, 3) u, v, confidence.
+
+    Raises
+    ------
+    UnknownNameError : a camera has no points.
+    FileFormatError, CalibrationError : damaged files, or people who do not fit together.
+    """
+    points = load_points(path, None)
+    files = match_files(points, rig.names)
+    for camera in rig:
+        if camera.name not in files:
+            raise UnknownNameError("2D points for camera", camera.name, points)
+    found = [points[files[camera.name]].for_images(camera.model.width, camera.model.height) for camera in rig]
+    images = sorted(set().union(*found))
+    return collect_joints(rig, [[_values(people.get(image, ())) for image in images] for people in found])
+
+
+def _values(people: People) -> np.ndarray:
+    """(n_people, n_joints, 3)."""
+    if not people:
+        return np.zeros((0, 0, 3))
+    return np.array([np.column_stack([person.pixels, person.scores]) for person in people])
+
+
+def collect_joints(rig: CameraRig, people: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Joints of the one person whom the cameras agree on.
 
     Parameters

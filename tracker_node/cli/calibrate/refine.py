@@ -10,7 +10,7 @@ from pathlib import Path
 from ..arguments.run_images import add_run_arguments, evidence_of, load_run_images, named_file, refuse_to_overwrite
 from .body import check
 
-SUMMARY = "refine the places of the cameras from 2D joints that OpenPose found, or places and clocks from the images of a run"
+SUMMARY = "refine the places of the cameras from 2D joints in their images, or places and clocks from the images of a run"
 EXAMPLE = (
     "tracker_node calibrate refine --rig rig.yaml --points2d pose/ -o rig_refined.yaml\n"
     "  tracker_node calibrate refine --from-run out/run1 -o rig_refined.yaml"
@@ -21,8 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", metavar="RIG", help="rig.yaml to start from (default: what the run names)")
     parser.add_argument(
         "--points2d",
-        metavar="DIR|ZIP",
-        help="OpenPose JSON files, one folder a camera, named as the camera (cam01, cam01_json) or with its number",
+        metavar="PATH",
+        help="points in the images from the files of any detector (docs/formats.md), such as OpenPose's, one folder a camera",
     )
     parser.add_argument("-o", "--output", default="rig_refined.yaml", metavar="FILE", help="file to write (default: %(default)s)")
     parser.add_argument(
@@ -116,9 +116,8 @@ def _print_cameras(fit) -> None:
 
 def _from_points(args: argparse.Namespace) -> int:
     from ...calibration.points.bundle_adjustment import AdjustmentOptions
-    from ...calibration.points.rig_refinement import collect_joints, refine_rig
+    from ...calibration.points.rig_refinement import load_joints, refine_rig
     from ...errors import CalibrationError, FileFormatError
-    from ...loaders.motion.openpose_json import load_openpose, match_cameras
     from ...loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
     from ...report.metrics_file import write_metrics
 
@@ -133,10 +132,8 @@ def _from_points(args: argparse.Namespace) -> int:
             mapped[0], "has a pixel_map: say with --pixels whether the joints are in file or calibration pixels"
         )
     rig = build_rig(rig_file.in_calibration_pixels() if args.pixels == "calibration" else rig_file, ".")
-    groups = match_cameras(load_openpose(args.points2d), rig.names)
-    joints = collect_joints(rig, [list(groups[name].people) for name in rig.names])
     options = AdjustmentOptions(robust_scale_px=args.robust_px)
-    refinement = refine_rig(rig, joints, options, args.min_confidence)
+    refinement = refine_rig(rig, load_joints(args.points2d, rig), options, args.min_confidence)
     refined = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in refinement.rig})
     write_rig_file(refined, args.output, base_dir=Path(args.rig).parent)
     write_metrics(report, refinement.metrics())

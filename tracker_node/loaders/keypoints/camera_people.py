@@ -13,6 +13,8 @@ import numpy as np
 
 from ...errors import FileFormatError, UnknownNameError
 from ...observation.keypoints.people import People, Person
+from .files import image_number
+from .names import names_of
 
 MOST_PEOPLE = 1000
 """In one image."""
@@ -182,10 +184,17 @@ class PeopleOfImages:
     Parameters
     ----------
     source : file or folder, for messages.
+    orders : keys of `names.ORDERS` that the points may have, where the file has numbers only; the first with as many counts.
+    normalized : see `CameraPeople`.
+
+    Attributes
+    ----------
+    names : of the points, where the file has them; else empty.
     """
 
-    def __init__(self, source: str):
-        self.source = source
+    def __init__(self, source: str, orders: Sequence[str] = (), normalized: bool = False):
+        self.source, self.orders, self.normalized = source, orders, normalized
+        self.names: tuple[str, ...] = ()
         self.found: dict[int, list[FoundPerson]] = {}
         self.n_points: int | None = None
 
@@ -226,20 +235,36 @@ class PeopleOfImages:
             raise FileFormatError(file, where, expected, f"{n} points")
         people.append(person)
 
-    def camera(self, names: tuple[str, ...], normalized: bool = False) -> CameraPeople:
-        """All that has been collected.
+    def add_points(self, image: int, values: np.ndarray, file: str, where: str) -> None:
+        """One person more, of whom the points alone are known.
 
         Parameters
         ----------
-        names : of the points.
-        normalized : see `CameraPeople`.
-
-        Returns
-        -------
-        People by image, in the order of the images' numbers.
+        image, values : number from 0; (n, 3) u, v, score, NaN in a point that was not found.
+        file, where : file and field, for messages.
         """
+        self.add(image, FoundPerson(found_points(values, file, where)), file, where)
+
+    def camera(self, names: Sequence[str] | None = ()) -> CameraPeople:
+        """All that has been collected, people by image, in the order of the images' numbers.
+
+        Parameters
+        ----------
+        names : of the points, where the file has none; empty: of a known detector; None: their numbers, whatever the detector.
+
+        Raises
+        ------
+        FileFormatError : no known detector has as many points, or not as many names are given.
+        """
+        n = self.n_points or 0
+        if names is None:
+            names = tuple(map(str, range(n)))
+        elif self.names or not n:
+            names = self.names or tuple(names)
+        else:
+            names = names_of(n, self.orders, names, self.source, "points")
         found = {image: tuple(self.found[image]) for image in sorted(self.found)}
-        return CameraPeople(self.source, names, found, normalized)
+        return CameraPeople(self.source, names, found, self.normalized)
 
 
 def match_files(keys: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
@@ -271,7 +296,7 @@ def match_files(keys: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
             [key for key in keys if key in (camera, f"{camera}_json")],
             [key for key in keys if word.search(key)],
             [key for key in keys if key.endswith(camera)],
-            [key for key in keys if _number(camera) is not None and _number(key) == _number(camera)],
+            [key for key in keys if image_number(camera) is not None and image_number(key) == image_number(camera)],
         )
         alone = next((fitting[0] for fitting in rules if len(fitting) == 1), None)
         if alone is not None:
@@ -279,8 +304,3 @@ def match_files(keys: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
     if not found or len(set(found.values())) < len(found):
         raise UnknownNameError("files of points for the cameras", ", ".join(cameras), keys)
     return found
-
-
-def _number(name: str) -> int | None:
-    numbers = re.findall(r"\d{1,18}", name)
-    return int(numbers[-1]) if numbers else None

@@ -6,38 +6,17 @@ own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...errors import FileFormatError
-from .camera_people import CameraPeople, FoundPerson, PeopleOfImages, PointsByCamera, found_points
-from .files import camera_keys, files_of, image_number, probability, read_points_json
-from .names import names_of
+from .camera_people import FoundPerson, PeopleOfImages, found_points
+from .files import image_number, probability, read_points_json
 
 _ORDERS = ("coco_17", "halpe_26", "coco_wholebody_133")
 _FIELDS = ("keypoints", "foot_kpts", "face_kpts", "lefthand_kpts", "righthand_kpts")
-
-
-def load_coco(path: str | Path, names: Sequence[str] = ()) -> PointsByCamera:
-    """People of all cameras in a folder, one file each, or of one in a file.
-
-    Parameters
-    ----------
-    path : file or folder.
-    names : of the points; empty: by their number.
-
-    Returns
-    -------
-    Name of the camera's file -> people by image.
-
-    Raises
-    ------
-    FileFormatError : no such files, or points of an unknown detector.
-    """
-    return {key: _camera(file, names) for key, file in camera_keys(files_of(path, (".json",))).items()}
 
 
 def is_result(content: Any) -> bool:
@@ -45,8 +24,9 @@ def is_result(content: Any) -> bool:
     return isinstance(content, list) and bool(content) and isinstance(content[0], dict) and "image_id" in content[0]
 
 
-def _camera(file: Path, names: Sequence[str]) -> CameraPeople:
-    content, images = read_points_json(file), PeopleOfImages(str(file))
+def of_json(file: Path) -> PeopleOfImages:
+    """The people of one camera."""
+    content, images = read_points_json(file), PeopleOfImages(str(file), _ORDERS)
     if not isinstance(content, list):
         raise FileFormatError(file, "(content)", "a list of results with image_id, keypoints, score", content)
     for i, entry in enumerate(content):
@@ -58,9 +38,7 @@ def _camera(file: Path, names: Sequence[str]) -> CameraPeople:
         values = np.concatenate([np.zeros((0, 3)), *parts])
         person = FoundPerson(found_points(values, str(file), f"[{i}].keypoints"), probability(entry.get("score")))
         images.add(image, person, str(file), f"[{i}].keypoints")
-    if images.n_points is None:
-        return images.camera(tuple(names))
-    return images.camera(names_of(images.n_points, _ORDERS, names, str(file), "keypoints"))
+    return images
 
 
 def _points(values: Any, file: Path, where: str) -> np.ndarray:

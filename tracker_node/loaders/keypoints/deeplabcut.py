@@ -13,9 +13,9 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ..csv_file import CsvTable
-from .camera_people import CameraPeople, FoundPerson, PeopleOfImages, PointsByCamera, found_points
-from .files import image_number, number_or_nan, tables_by_camera
-from .hdf5 import Hdf5File, open_hdf5
+from .camera_people import FoundPerson, PeopleOfImages, found_points
+from .files import image_number, number_or_nan
+from .hdf5 import open_hdf5
 from .names import check_names
 
 _LEVELS = ("scorer", "individuals", "bodyparts", "coords")
@@ -23,33 +23,8 @@ _COORDINATES = ("x", "y", "likelihood")
 _MOST_INDIVIDUALS = 1000
 
 
-def load_deeplabcut(path: str | Path) -> PointsByCamera:
-    """Animals of all cameras in a folder, one file each, or of one in a file.
-
-    Parameters
-    ----------
-    path : ``.csv`` or ``.h5`` file, or a folder of such, such as anipose's ``pose-2d``; where both are there, H5 is read.
-
-    Returns
-    -------
-    Name of the camera, which the file's name begins with -> individuals by image.
-
-    Raises
-    ------
-    FileFormatError : no such files.
-    MissingExtraError : H5 files, and h5py is not installed.
-    """
-    return {key: _camera(file) for key, file in tables_by_camera(path).items()}
-
-
-def _camera(file: Path) -> CameraPeople:
-    if file.suffix.lower() == ".csv":
-        return _of_csv(file)
-    with open_hdf5(file) as opened:
-        return _of_table(opened)
-
-
-def _of_csv(file: Path) -> CameraPeople:
+def of_csv(file: Path) -> PeopleOfImages:
+    """The individuals of one camera."""
     table = CsvTable(file)
     levels, first = {"scorer": table.header}, None
     rows = iter(table.rows())
@@ -62,31 +37,31 @@ def _of_csv(file: Path) -> CameraPeople:
         raise FileFormatError(file, "header", "lines scorer, bodyparts, coords", list(levels))
     at = next((i for i, cell in enumerate(levels["coords"]) if i and cell), 1)  # behind the index, which may have several columns
     columns = [tuple(levels[level][i] if level in levels else "" for level in _LEVELS) for i in range(at, len(table.header))]
-    places = _Places(columns, str(file))
-    images = PeopleOfImages(str(file))
+    places, images = _Places(columns, str(file)), PeopleOfImages(str(file))
+    images.names = places.names
     for row in (*(() if first is None else (first,)), *rows):
         where = f"line {row.line}"
         number = image_number(row.text[at - 1])
         if number is None:
             raise FileFormatError(file, where, "the number of an image", row.text[at - 1])
         places.add(images, number, np.array([number_or_nan(row, i) for i in range(at, len(row.text))]), where)
-    return images.camera(places.names)
+    return images
 
 
-def _of_table(opened: Hdf5File) -> CameraPeople:
-    """Of a table as pandas writes it."""
-    path = opened.path
-    group = next((key for key in opened.keys() if opened.has(f"{key}/table")), None)  # noqa: SIM118
-    if group is None:
-        expected = "a table of DeepLabCut, as pandas writes it with format='table'; or save it as CSV"
-        raise FileFormatError(path, "(content)", expected, list(opened.keys()))
-    table = opened.array(f"{group}/table")
-    blocks = [name for name in table.dtype.names or () if name.startswith("values_block_")]
-    if "index" not in (table.dtype.names or ()) or not blocks:
-        raise FileFormatError(path, f"{group}/table", "fields index and values_block_0", list(table.dtype.names or ()))
+def of_hdf5(path: Path) -> PeopleOfImages:
+    """The individuals of one camera, from a table as pandas writes it."""
+    with open_hdf5(path) as opened:
+        group = next((key for key in opened.keys() if opened.has(f"{key}/table")), None)  # noqa: SIM118
+        if group is None:
+            expected = "a table of DeepLabCut, as pandas writes it with format='table'; or save it as CSV"
+            raise FileFormatError(path, "(content)", expected, list(opened.keys()))
+        table = opened.array(f"{group}/table")
+        blocks = [name for name in table.dtype.names or () if name.startswith("values_block_")]
+        if "index" not in (table.dtype.names or ()) or not blocks:
+            raise FileFormatError(path, f"{group}/table", "fields index and values_block_0", list(table.dtype.names or ()))
+        kinds = [opened.attribute(f"{group}/table", f"{block}_kind") for block in blocks]
     labels, values = [], []
-    for block in blocks:
-        kind = opened.attribute(f"{group}/table", f"{block}_kind")
+    for block, kind in zip(blocks, kinds, strict=True):
         if not isinstance(kind, list) or not all(_is_label(label) for label in kind):
             raise FileFormatError(path, f"{group}/table.{block}_kind", "columns of scorer, bodyparts, coords", kind)
         numbers = table[block].reshape(len(table), -1)
@@ -96,13 +71,14 @@ def _of_table(opened: Hdf5File) -> CameraPeople:
         values.append(numbers.astype(np.float64))
     columns = [label if label[0] else ("", "", *label[2:]) for label in labels]
     places, images, rows = _Places(columns, str(path)), PeopleOfImages(str(path)), np.hstack(values)
+    images.names = places.names
     for index, row in zip(table["index"], rows, strict=True):
         name = index.decode("utf-8", "replace") if isinstance(index, bytes) else str(index)
         number = image_number(name)
         if number is None:
             raise FileFormatError(path, f"{group}/table.index", "the numbers of images", name)
         places.add(images, number, row, f"image {number}")
-    return images.camera(places.names)
+    return images
 
 
 def _is_label(label: object) -> bool:

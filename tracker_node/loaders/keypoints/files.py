@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePath
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from ..whole_file import MB, read_text
 
 POINTS_BYTES = 256 * MB
 """JSON with the points of a whole recording."""
+AnyPath = TypeVar("AnyPath", bound=PurePath)
+_NUMBER = re.compile(r"\d{1,18}")
 _ENDS = re.compile(r"(DLC_.*|\.analysis|\.predictions|_keypoints|_json)$")  # of names, added by programs
 
 
@@ -53,25 +56,6 @@ def files_of(path: str | Path, suffixes: Sequence[str]) -> list[Path]:
     return files
 
 
-def tables_by_camera(path: str | Path) -> dict[str, Path]:
-    """H5 files of the cameras, or CSV files where there are none of these.
-
-    Parameters
-    ----------
-    path : one such file, or a folder with one a camera.
-
-    Returns
-    -------
-    See `camera_keys`.
-
-    Raises
-    ------
-    FileFormatError : no such files.
-    """
-    files = files_of(path, (".h5", ".csv"))
-    return camera_keys([file for file in files if file.suffix.lower() == ".h5"] or files)
-
-
 def camera_keys(files: Iterable[Path]) -> dict[str, Path]:
     """Files by the names of their cameras: what their programs add is left out.
 
@@ -90,19 +74,39 @@ def camera_keys(files: Iterable[Path]) -> dict[str, Path]:
     return found
 
 
+def by_folder(files: Iterable[AnyPath], name: str) -> dict[str, list[AnyPath]]:
+    """Files by the names of their folders, which are those of cameras; by whole paths where two folders have one name.
+
+    Parameters
+    ----------
+    files : paths below a common folder.
+    name : of that folder.
+
+    Returns
+    -------
+    In the order of the names.
+    """
+    folders: dict[PurePath, list[AnyPath]] = defaultdict(list)
+    for file in files:
+        folders[file.parent].append(file)
+    short = [folder.name or name for folder in folders]
+    keys = short if len(set(short)) == len(short) else map(str, folders)
+    return dict(sorted(zip(keys, folders.values(), strict=True)))
+
+
 def image_number(text: str) -> int | None:
     """The last number in a name, such as 12 of ``cam1_000012.json``; None where there is none."""
-    numbers = re.findall(r"\d{1,18}", text)
+    numbers = _NUMBER.findall(text)
     return int(numbers[-1]) if numbers else None
 
 
-def numbered_files(files: Sequence[Path]) -> Iterator[tuple[int, Path]]:
-    """Files of one camera, one an image, with the numbers of their images: from the first file's on, or their order where names
-    have no numbers of their own."""
+def numbered_files(files: Sequence[AnyPath]) -> Iterator[tuple[int, AnyPath]]:
+    """Files of one camera, one an image, with the numbers of their images: from the first file's on, or, where their last numbers
+    are not their own, in the order of all numbers in their names."""
     numbers = [image_number(file.stem) for file in files]
     known = [number for number in numbers if number is not None]
     if len(set(known)) != len(files):
-        yield from enumerate(files)
+        yield from enumerate(sorted(files, key=lambda file: ([int(n) for n in _NUMBER.findall(file.stem)], file.name)))
         return
     yield from sorted((number - min(known), file) for number, file in zip(known, files, strict=True))
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ...errors import FileFormatError, UnknownNameError
+from ...errors import FileFormatError
 from ..whole_file import check_regular
-from . import coco, mediapipe, mmpose
-from .camera_people import PointsByCamera
-from .deeplabcut import load_deeplabcut
-from .files import POINTS_BYTES, files_of, read_points_json
+from . import coco, deeplabcut, mediapipe, mmpose, openpose, sleap
+from .camera_people import PeopleOfImages, PointsByCamera
+from .files import POINTS_BYTES, camera_keys, files_of, read_points_json
 from .hdf5 import is_hdf5, open_hdf5
-from .openpose import load_openpose
-from .sleap import is_analysis, load_sleap
 
 OPENPOSE, MMPOSE, MEDIAPIPE, DEEPLABCUT, SLEAP, COCO = "openpose", "mmpose", "mediapipe", "deeplabcut", "sleap", "coco"
-FORMATS = (OPENPOSE, MMPOSE, MEDIAPIPE, DEEPLABCUT, SLEAP, COCO)
+_BY_FOLDER = {OPENPOSE: openpose.read, MMPOSE: mmpose.read}
+_BY_FILE: dict[str, dict[str, Callable[[Path], PeopleOfImages]]] = {  # readers by the ends of names; the first for all others
+    MEDIAPIPE: {".json": mediapipe.of_json, ".csv": mediapipe.of_csv},
+    DEEPLABCUT: {".h5": deeplabcut.of_hdf5, ".csv": deeplabcut.of_csv},
+    SLEAP: {".h5": sleap.of_hdf5, ".csv": sleap.of_csv},
+    COCO: {".json": coco.of_json},
+}
 _KNOWN = (
     "points of OpenPose or Pose2Sim (JSON), MMPose or RTMPose (JSON), MediaPipe (JSON, CSV), DeepLabCut or anipose (H5, CSV),"
     " SLEAP (analysis H5, CSV), COCO or COCO-WholeBody results (JSON)"
@@ -43,7 +46,7 @@ def detect(path: str | Path) -> str:
     check_regular(file, 10 * POINTS_BYTES)
     if is_hdf5(file):
         with open_hdf5(file) as opened:
-            return SLEAP if is_analysis(opened) else DEEPLABCUT
+            return SLEAP if sleap.is_analysis(opened) else DEEPLABCUT
     if file.suffix.lower() == ".zip":
         return OPENPOSE
     if file.suffix.lower() == ".csv":
@@ -53,14 +56,14 @@ def detect(path: str | Path) -> str:
     raise FileFormatError(file, "(file)", _KNOWN, f"a file *{file.suffix}")
 
 
-def load_points(path: str | Path, names: Sequence[str] = (), kind: str | None = None) -> PointsByCamera:
+def load_points(path: str | Path, names: Sequence[str] | None = ()) -> PointsByCamera:
     """People in the images of each camera, whatever program has found them.
 
     Parameters
     ----------
     path : file or folder; the folder of a project of Pose2Sim or anipose will do.
-    names : of the points, in the order of a file that has numbers only; empty: those of known detectors, by their number.
-    kind : one of `FORMATS`; None: by the content.
+    names : of the points, in the order of a file that has numbers only; empty: those of known detectors, by how many there are;
+        None: names do not matter, whatever the detector.
 
     Returns
     -------
@@ -69,24 +72,20 @@ def load_points(path: str | Path, names: Sequence[str] = (), kind: str | None = 
     Raises
     ------
     FileFormatError : naming file and field.
-    UnknownNameError : a format that is not known.
     MissingExtraError : H5 files, and h5py is not installed.
     """
     place = points_folder(path)
-    kind = detect(place) if kind is None else kind
-    if kind == OPENPOSE:
-        return load_openpose(place, names)
-    if kind == MMPOSE:
-        return mmpose.load_mmpose(place, names)
-    if kind == MEDIAPIPE:
-        return mediapipe.load_mediapipe(place, names)
-    if kind == COCO:
-        return coco.load_coco(place, names)
-    if kind == DEEPLABCUT:
-        return load_deeplabcut(place)
-    if kind == SLEAP:
-        return load_sleap(place)
-    raise UnknownNameError("format of points", kind, FORMATS)
+    return {key: images.camera(names) for key, images in _read(place, detect(place)).items()}
+
+
+def _read(path: Path, kind: str) -> dict[str, PeopleOfImages]:
+    if kind in _BY_FOLDER:
+        return _BY_FOLDER[kind](path)
+    readers = _BY_FILE[kind]
+    files = files_of(path, tuple(readers))
+    tables = [file for file in files if file.suffix.lower() == ".h5"]  # where a program has written both, they say the same
+    first = next(iter(readers.values()))
+    return {key: readers.get(file.suffix.lower(), first)(file) for key, file in camera_keys(tables or files).items()}
 
 
 def _of_header(file: Path) -> str:

@@ -18,9 +18,9 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ..csv_file import CsvCells, CsvTable
-from .camera_people import CameraPeople, FoundPerson, PeopleOfImages, PointsByCamera, found_points
-from .files import camera_keys, files_of, is_number, number_or_nan, read_points_json
-from .names import check_names, names_of
+from .camera_people import FoundPerson, PeopleOfImages, found_points
+from .files import is_number, number_or_nan, read_points_json
+from .names import check_names
 
 _NUMBERS = ("frame", "frame_id", "frame_number", "frame_idx", "image")
 _LANDMARKS = ("pose_landmarks", "landmarks")
@@ -28,26 +28,6 @@ _MOST = 100.0  # widths of an image: what is beyond is no fraction
 _NAMED = re.compile(r"(.+)_(x|y|z|visibility|v|presence)")
 _COUNTED = re.compile(r"(x|y|z|v|visibility)_?(\d{1,4})")
 _SHORT = {"v": "visibility"}
-
-
-def load_mediapipe(path: str | Path, names: Sequence[str] = ()) -> PointsByCamera:
-    """People of all cameras in a folder, one file each, or of one in a file.
-
-    Parameters
-    ----------
-    path : ``.json`` or ``.csv`` file, or a folder of such.
-    names : of the points, where the file has numbers only; empty: the 33 of BlazePose.
-
-    Returns
-    -------
-    Name of the camera's file -> people by image, in fractions of the image: see `CameraPeople.for_images`.
-
-    Raises
-    ------
-    FileFormatError : no such files, or points of an unknown detector.
-    """
-    files = camera_keys(files_of(path, (".json", ".csv")))
-    return {key: (_of_csv if file.suffix.lower() == ".csv" else _of_json)(file, names) for key, file in files.items()}
 
 
 def is_landmarks(content: Any) -> bool:
@@ -66,8 +46,9 @@ def is_header(header: Sequence[str]) -> bool:
     return {"landmark", "x", "y"} <= set(header) or bool(_columns(header))
 
 
-def _of_json(file: Path, names: Sequence[str]) -> CameraPeople:
-    content, images = read_points_json(file), PeopleOfImages(str(file))
+def of_json(file: Path) -> PeopleOfImages:
+    """The people of one camera, in fractions of the image: see `CameraPeople.for_images`."""
+    content, images = read_points_json(file), _images(file)
     frames = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(frames, list):
         raise FileFormatError(file, "frames", "a list of images with landmarks", content)
@@ -86,7 +67,11 @@ def _of_json(file: Path, names: Sequence[str]) -> CameraPeople:
         for n, person in enumerate(_persons(listed or [])):
             here = f"{where}[{n}]"
             images.add(image, _person([_landmark(each, file, here) for each in person], str(file), here), str(file), here)
-    return _named(images, names, str(file))
+    return images
+
+
+def _images(file: Path) -> PeopleOfImages:
+    return PeopleOfImages(str(file), ("blazepose_33",), normalized=True)
 
 
 def _persons(listed: list[Any]) -> list[list[Any]]:
@@ -119,15 +104,10 @@ def _person(rows: Sequence[Sequence[float]], file: str, where: str) -> FoundPers
     return FoundPerson(found_points(values, file, where))
 
 
-def _named(images: PeopleOfImages, names: Sequence[str], file: str) -> CameraPeople:
-    if images.n_points is None:
-        return images.camera(tuple(names), normalized=True)
-    return images.camera(names_of(images.n_points, ("blazepose_33",), names, file, "landmarks"), normalized=True)
-
-
-def _of_csv(file: Path, names: Sequence[str]) -> CameraPeople:
+def of_csv(file: Path) -> PeopleOfImages:
+    """As `of_json`."""
     table = CsvTable(file)
-    return _of_landmark_rows(table, names) if "landmark" in table.header else _of_image_rows(table, names)
+    return _of_landmark_rows(table) if "landmark" in table.header else _of_image_rows(table)
 
 
 def _columns(header: Sequence[str]) -> dict[str, dict[str, int]]:
@@ -142,13 +122,13 @@ def _columns(header: Sequence[str]) -> dict[str, dict[str, int]]:
     return {name: columns for name, columns in found.items() if {"x", "y"} <= set(columns)}
 
 
-def _of_image_rows(table: CsvTable, names: Sequence[str]) -> CameraPeople:
+def _of_image_rows(table: CsvTable) -> PeopleOfImages:
     columns, file = _columns(table.header), str(table.path)
     if not columns:
         expected = "columns nose_x, nose_y, nose_visibility, or x1, y1, z1, v1"
         raise FileFormatError(file, "header", expected, list(table.header[:6]))
     number = next((table.header.index(name) for name in _NUMBERS if name in table.header), None)
-    images = PeopleOfImages(file)
+    images = _images(table.path)
     for i, row in enumerate(table.rows()):
         image = i if number is None else row.integer(number)
         where = f"line {row.line}"
@@ -156,9 +136,9 @@ def _of_image_rows(table: CsvTable, names: Sequence[str]) -> CameraPeople:
         person = _person([_of_row(row, at) for at in columns.values()], file, where)
         if (person.points[:, 2] > 0.0).any():
             images.add(image, person, file, where)
-    if all(name.isdecimal() for name in columns):
-        return _named(images, names, file)
-    return images.camera(check_names(tuple(columns), file, "header"), normalized=True)
+    if not all(name.isdecimal() for name in columns):
+        images.names = check_names(tuple(columns), file, "header")
+    return images
 
 
 def _of_row(row: CsvCells, at: dict[str, int]) -> tuple[float, float, float]:
@@ -166,7 +146,7 @@ def _of_row(row: CsvCells, at: dict[str, int]) -> tuple[float, float, float]:
     return number_or_nan(row, at["x"]), number_or_nan(row, at["y"]), 1.0 if certain is None else number_or_nan(row, certain)
 
 
-def _of_landmark_rows(table: CsvTable, names: Sequence[str]) -> CameraPeople:
+def _of_landmark_rows(table: CsvTable) -> PeopleOfImages:
     file, header = str(table.path), table.header
     number = next((header.index(name) for name in _NUMBERS if name in header), None)
     lacking = [name for name in ("x", "y", "visibility") if name not in header]
@@ -183,10 +163,10 @@ def _of_landmark_rows(table: CsvTable, names: Sequence[str]) -> CameraPeople:
     found = dict.fromkeys(name for points in rows.values() for name in points)
     counted = all(name.isdecimal() and len(name) < 5 for name in found)
     order = sorted(found, key=int) if counted else list(found)
-    images, missing = PeopleOfImages(file), (np.nan, np.nan, np.nan)
+    images, missing = _images(table.path), (np.nan, np.nan, np.nan)
     for (image, person), points in rows.items():
         where = f"frame {image}, person {person}" if person else f"frame {image}"
         images.add(image, _person([points.get(name, missing) for name in order], file, where), file, where)
-    if counted:
-        return _named(images, names, file)
-    return images.camera(check_names(tuple(order), file, "landmark"), normalized=True)
+    if not counted:
+        images.names = check_names(tuple(order), file, "landmark")
+    return images

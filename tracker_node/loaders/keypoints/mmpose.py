@@ -7,7 +7,6 @@ with the names of the points; images are numbered from the first ``frame_id`` on
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,38 +14,24 @@ from typing import Any
 import numpy as np
 
 from ...errors import FileFormatError
-from .camera_people import CameraPeople, FoundPerson, PeopleOfImages, PointsByCamera, found_points
-from .files import camera_keys, files_of, image_number, is_number, numbered_files, probability, read_points_json
-from .names import check_names, names_of
+from .camera_people import FoundPerson, PeopleOfImages, found_points
+from .files import by_folder, camera_keys, files_of, image_number, is_number, numbered_files, probability, read_points_json
+from .names import check_names
 
 _ORDERS = ("coco_17", "halpe_26", "coco_wholebody_133")
 
 
-def load_mmpose(path: str | Path, names: Sequence[str] = ()) -> PointsByCamera:
-    """People of all cameras in a folder, or of one in a file.
-
-    Parameters
-    ----------
-    path : file of a video; folder of such files, one a camera; folder of folders, one a camera, with a file an image.
-    names : of the points; empty: as ``meta_info`` says, or by their number.
-
-    Returns
-    -------
-    Name of the camera's file or folder -> people by image.
+def read(path: Path) -> dict[str, PeopleOfImages]:
+    """People by file of a video or folder of images: in one such file, a folder of such files, or one of such folders.
 
     Raises
     ------
-    FileFormatError : no such files, or points of an unknown detector.
+    FileFormatError : no such files, or one that is not MMPose's.
     """
     files = files_of(path, (".json",))
     if is_video(read_points_json(files[0])):
-        return {key: _video(file, names) for key, file in camera_keys(files).items()}
-    folders: dict[Path, list[Path]] = defaultdict(list)
-    for file in files:
-        folders[file.parent].append(file)
-    short = [folder.name for folder in folders]
-    keys = short if len(set(short)) == len(short) else [str(folder.relative_to(path)) for folder in folders]
-    return {key: _images(folder, folders[folder], names) for key, folder in zip(keys, folders, strict=True)}
+        return {key: _video(file) for key, file in camera_keys(files).items()}
+    return {key: _images(found[0].parent, found) for key, found in by_folder(files, path.name).items()}
 
 
 def is_video(content: Any) -> bool:
@@ -57,9 +42,9 @@ def is_video(content: Any) -> bool:
     return isinstance(listed, list) and bool(listed) and isinstance(listed[0], dict) and "instances" in listed[0]
 
 
-def _video(file: Path, names: Sequence[str]) -> CameraPeople:
+def _video(file: Path) -> PeopleOfImages:
     content = read_points_json(file)
-    images, first = PeopleOfImages(str(file)), None
+    images, first = PeopleOfImages(str(file), _ORDERS), None
     if not is_video(content):
         raise FileFormatError(file, "(content)", "frame_id and instances of each image, as in the other files", content)
     listed = content["instance_info"] if isinstance(content, dict) else content
@@ -73,24 +58,19 @@ def _video(file: Path, names: Sequence[str]) -> CameraPeople:
             raise FileFormatError(file, f"{where}.frame_id", "the number of an image", entry.get("frame_id"))
         first = number if first is None else first
         _add(images, number - first, entry["instances"], str(file), f"{where}.instances")
-    return _named(images, names or _names_in(content, str(file)))
+    images.names = _names_in(content, str(file))
+    return images
 
 
-def _images(folder: Path, files: Sequence[Path], names: Sequence[str]) -> CameraPeople:
-    images = PeopleOfImages(str(folder))
+def _images(folder: Path, files: Sequence[Path]) -> PeopleOfImages:
+    images = PeopleOfImages(str(folder), _ORDERS)
     for number, file in numbered_files(files):
         content = read_points_json(file)
         listed = content.get("instances") if isinstance(content, dict) else content
         if not isinstance(listed, list):
             raise FileFormatError(file, "(content)", "a list of people with keypoints and keypoint_scores", content)
         _add(images, number, listed, str(file), "")
-    return _named(images, names)
-
-
-def _named(images: PeopleOfImages, names: Sequence[str]) -> CameraPeople:
-    if images.n_points is None:
-        return images.camera(tuple(names))
-    return images.camera(names_of(images.n_points, _ORDERS, names, images.source, "keypoints"))
+    return images
 
 
 def _names_in(content: Any, file: str) -> tuple[str, ...]:

@@ -5,57 +5,95 @@ Images are numbered by the last number in the name of a file, from that of the f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+import lzma
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 
-from ..motion.openpose_json import ImagePoints
-from ..motion.openpose_json import load_openpose as load_arrays
-from .camera_people import CameraPeople, FoundPerson, PeopleOfImages, PointsByCamera, found_points
-from .names import BODY_25, BODY_25B, names_of
+from ...errors import FileFormatError
+from ..json_values import parse_json
+from ..whole_file import ARCHIVE_BYTES, MB, read_bytes
+from .camera_people import PeopleOfImages
+from .files import by_folder, numbered_files
+from .names import BODY_25, BODY_25B
 
 _ORDERS = ("body_25b", "coco_17", "coco_18", "halpe_26", "coco_wholebody_133")
 _CHAIN = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"), ("ankle", "heel"))
 _BONES = (("nose", "neck"), *((f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in _CHAIN))
+_LARGEST = 4 * MB  # of one file; an image with a hundred people has a tenth of a megabyte
+
+# What zipfile raises for archives that are damaged, encrypted, or packed in a way that it does not know
+_DAMAGED = (
+    OSError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, NotImplementedError, RuntimeError,
+    ValueError,
+)  # fmt: skip
 
 
-def load_openpose(path: str | Path, names: Sequence[str] = ()) -> PointsByCamera:
-    """People of all cameras below a folder, or in a zip file.
-
-    Parameters
-    ----------
-    path : folder of folders with JSON files, such as Pose2Sim's ``pose``; or a zip file of it.
-    names : of the points; empty: by their number. BODY_25 and BODY_25B are told apart by the lengths of the bones.
-
-    Returns
-    -------
-    Folder's name -> people by image.
+def read(path: Path) -> dict[str, PeopleOfImages]:
+    """People by folder, below a folder or in a zip file of it; BODY_25 and BODY_25B are told apart by the lengths of the bones.
 
     Raises
     ------
-    FileFormatError : no JSON files, one that is not OpenPose's, or points of an unknown detector.
+    FileFormatError : no JSON files, or one that is not OpenPose's.
     """
-    groups = load_arrays(path)
-    return {key or Path(path).name: _camera(f"{path}/{group.source}", group, names) for key, group in groups.items()}
+    people = {PurePosixPath(name): _people(f"{path}/{name}", text) for name, text in _json_files(path)}
+    if not people:
+        raise FileFormatError(path, "(content)", "folders or a zip file with OpenPose JSON files, one folder a camera", "none")
+    return {key: _images(path, files, people) for key, files in by_folder(people, path.name).items()}
 
 
-def _camera(source: str, group: ImagePoints, names: Sequence[str]) -> CameraPeople:
-    images = PeopleOfImages(source)
-    numbers = group.numbers or tuple(range(len(group.people)))
-    for number, people in zip(numbers, group.people, strict=True):
-        image = number - min(numbers)
-        file = f"{source}, file number {number}"
-        images.look(image, file, "people")
-        for i, person in enumerate(people):
-            where = f"people[{i}].pose_keypoints_2d"
-            images.add(image, FoundPerson(found_points(person, file, where)), file, where)
-    if images.n_points is None:
-        return images.camera(tuple(names))
-    order = names_of(images.n_points, _ORDERS, names, source, "pose_keypoints_2d")
-    if order == BODY_25B and not names and _is_body_25(images):
-        order = BODY_25
-    return images.camera(order)
+def _images(path: Path, files: list[PurePosixPath], people: dict[PurePosixPath, list[np.ndarray]]) -> PeopleOfImages:
+    images = PeopleOfImages(f"{path}/{files[0].parent}", _ORDERS)
+    for number, file in numbered_files(files):
+        images.look(number, f"{path}/{file}", "people")
+        for i, points in enumerate(people[file]):
+            images.add_points(number, points, f"{path}/{file}", f"people[{i}].pose_keypoints_2d")
+    if images.n_points == len(BODY_25) and _is_body_25(images):
+        images.orders = ("body_25",)
+    return images
+
+
+def _json_files(path: Path) -> Iterator[tuple[str, str | bytes]]:
+    """Name relative to ``path`` and text of every JSON file."""
+    if path.is_dir():
+        for file in sorted(path.rglob("*.json")):
+            yield file.relative_to(path).as_posix(), read_bytes(file, _LARGEST)
+        return
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = [each for each in archive.infolist() if each.filename.endswith(".json")]
+            for member in members:
+                if member.file_size > _LARGEST:
+                    said = f"{member.file_size / MB:.0f} MB"
+                    raise FileFormatError(path, member.filename, f"at most {_LARGEST // MB} MB of JSON", said)
+            total = sum(member.file_size for member in members)
+            if total > ARCHIVE_BYTES:
+                raise FileFormatError(path, "(file)", f"at most {ARCHIVE_BYTES // MB} MB unpacked", f"{total // MB} MB")
+            for member in members:
+                yield member.filename, archive.read(member)
+    except _DAMAGED as error:
+        raise FileFormatError(path, "(file)", "a folder or a zip file of OpenPose JSON files", str(error)) from error
+
+
+def _people(file: str, text: str | bytes) -> list[np.ndarray]:
+    """(n_points, 3) u, v, score of each person in an image."""
+    content = parse_json(text, file)
+    if not isinstance(content, dict) or not isinstance(content.get("people"), list):
+        raise FileFormatError(file, "people", "a list of people", content)
+    return [_points(person, file, f"people[{i}].pose_keypoints_2d") for i, person in enumerate(content["people"])]
+
+
+def _points(person: Any, file: str, where: str) -> np.ndarray:
+    values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
+    try:
+        return np.array(values, dtype=np.float64).reshape(-1, 3)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise FileFormatError(file, where, "numbers u, v, confidence of every joint", values) from error
 
 
 def _is_body_25(images: PeopleOfImages) -> bool:

@@ -8,31 +8,12 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ..csv_file import CsvTable
-from .camera_people import CameraPeople, FoundPerson, PeopleOfImages, PointsByCamera, found_points
-from .files import number_or_nan, tables_by_camera
+from .camera_people import FoundPerson, PeopleOfImages, found_points
+from .files import number_or_nan
 from .hdf5 import Hdf5File, open_hdf5
 from .names import check_names
 
 _FIRST = ("track", "frame_idx", "instance.score")
-
-
-def load_sleap(path: str | Path) -> PointsByCamera:
-    """Animals of all cameras in a folder, one file each, or of one in a file.
-
-    Parameters
-    ----------
-    path : ``.h5`` or ``.csv`` file of an analysis, or a folder of such; where both are there, H5 is read.
-
-    Returns
-    -------
-    Name of the camera's file -> individuals by image.
-
-    Raises
-    ------
-    FileFormatError : no such files.
-    MissingExtraError : H5 files, and h5py is not installed.
-    """
-    return {key: _camera(file) for key, file in tables_by_camera(path).items()}
 
 
 def is_analysis(opened: Hdf5File) -> bool:
@@ -40,41 +21,37 @@ def is_analysis(opened: Hdf5File) -> bool:
     return opened.has("tracks") and opened.has("node_names")
 
 
-def _camera(file: Path) -> CameraPeople:
-    if file.suffix.lower() == ".csv":
-        return _of_csv(file)
-    with open_hdf5(file) as opened:
-        return _of_analysis(opened)
-
-
-def _of_analysis(opened: Hdf5File) -> CameraPeople:
-    path = opened.path
-    names = check_names(opened.names("node_names"), str(path), "node_names")
-    tracks = opened.numbers("tracks", 4)
+def of_hdf5(path: Path) -> PeopleOfImages:
+    """The individuals of one camera, from an analysis."""
+    with open_hdf5(path) as opened:
+        names = check_names(opened.names("node_names"), str(path), "node_names")
+        tracks = opened.numbers("tracks", 4)
+        told = opened.numbers("point_scores", 3) if opened.has("point_scores") else None
     if tracks.shape[1:3] != (2, len(names)):
         tracks = tracks.transpose()  # as Matlab has it
     n_tracks, n_axes, n_names, n_images = tracks.shape
     if (n_axes, n_names) != (2, len(names)):
         raise FileFormatError(path, "tracks", f"individuals x 2 x {len(names)} points x images", str(tracks.shape[::-1]))
     scores = np.ones((n_tracks, n_names, n_images))
-    if opened.has("point_scores"):
-        told = opened.numbers("point_scores", 3)
+    if told is not None:
         if told.shape not in (scores.shape, scores.shape[::-1]):
             raise FileFormatError(path, "point_scores", f"a number for each point {scores.shape}", str(told.shape))
         told = told if told.shape == scores.shape else told.transpose()
         scores = np.where(np.isnan(told), 1.0, told)  # a person has marked the point
     images = PeopleOfImages(str(path))
+    images.names = names
     values = np.concatenate([tracks, scores[:, None]], axis=1).transpose(3, 0, 2, 1)
     for image in range(n_images):
         where = f"tracks, image {image}"
         images.look(image, str(path), where)
         for track in values[image]:
             if not np.isnan(track[:, :2]).all():
-                images.add(image, FoundPerson(found_points(track, str(path), where)), str(path), where)
-    return images.camera(names)
+                images.add_points(image, track, str(path), where)
+    return images
 
 
-def _of_csv(file: Path) -> CameraPeople:
+def of_csv(file: Path) -> PeopleOfImages:
+    """The individuals of one camera."""
     table = CsvTable(file, _FIRST)
     columns = {name: i for i, name in enumerate(table.header)}
     parts = tuple(dict.fromkeys(name.rpartition(".")[0] for name in table.header[len(_FIRST) :]))
@@ -84,6 +61,7 @@ def _of_csv(file: Path) -> CameraPeople:
     if lacking:
         raise FileFormatError(file, "header", "columns x, y, score of each point", f"no {lacking[0]}")
     at, images = [columns[name] for name in wanted], PeopleOfImages(str(file))
+    images.names = names
     for row in table.rows():
         where = f"line {row.line}"
         values = np.array([number_or_nan(row, i) for i in at]).reshape(-1, 3)
@@ -92,4 +70,4 @@ def _of_csv(file: Path) -> CameraPeople:
         known = None if np.isnan(score) or score <= 0.0 else min(score, 1.0)
         person = FoundPerson(found_points(values, str(file), where), known)
         images.add(row.integer(1), person, str(file), where)
-    return images.camera(names)
+    return images

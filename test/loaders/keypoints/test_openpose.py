@@ -6,14 +6,9 @@ import zipfile
 import numpy as np
 import pytest
 
-from tracker_node.errors import FileFormatError, UnknownNameError
-from tracker_node.loaders.motion.openpose_json import load_openpose, match_cameras
+from tracker_node.errors import FileFormatError
+from tracker_node.loaders.keypoints.openpose import read
 
-BODY_25B = (
-    "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
-    "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "neck", "head",
-    "left_big_toe", "left_small_toe", "left_heel", "right_big_toe", "right_small_toe", "right_heel",
-)  # fmt: skip
 
 def person(value: float, n: int = 3) -> dict:
     return {"person_id": [-1], "pose_keypoints_2d": [value, value + 1.0, 0.5] * n}
@@ -42,19 +37,18 @@ def zipped(folder):
 
 @pytest.mark.parametrize("source", [lambda folder: folder, zipped])
 def test_images_are_in_the_order_of_their_numbers(folder, source):
-    groups = load_openpose(source(folder))
+    groups = read(source(folder))
     assert sorted(groups) == ["cam1_json", "cam2_json"]
-    people = groups["cam1_json"].people
-    assert [len(group) for group in people] == [0, 1, 2]
-    np.testing.assert_array_equal(people[1][0], [[10.0, 11.0, 0.5]] * 3)
+    found = groups["cam1_json"].found
+    assert {image: len(people) for image, people in found.items()} == {0: 0, 1: 1, 2: 2}
+    np.testing.assert_array_equal(found[1][0].points, [[10.0, 11.0, 0.5]] * 3)
 
 
-def test_cameras_find_their_folder_by_name_or_number(folder):
-    groups = load_openpose(folder)
-    assert match_cameras(groups, ("cam_02", "cam01"))["cam_02"] is groups["cam2_json"]
-    assert match_cameras({"left_json": groups["cam1_json"], **groups}, ("left",))["left"] is groups["cam1_json"]
-    with pytest.raises(UnknownNameError, match="camera 'cam3'; valid: cam1_json, cam2_json"):
-        match_cameras(groups, ("cam1", "cam3"))
+def test_images_without_numbers_of_their_own_are_in_the_order_of_all_numbers(tmp_path):
+    for i in (2, 10, 1):
+        (tmp_path / f"image_{i}_of_10.json").write_text(json.dumps({"people": [person(i)]}))
+    found = read(tmp_path)[tmp_path.name].found
+    assert [found[image][0].points[0, 0] for image in (0, 1, 2)] == [1.0, 2.0, 10.0]
 
 
 @pytest.mark.parametrize(
@@ -72,23 +66,14 @@ def test_what_is_wrong_is_named(folder, text, field):
     file = folder / "cam2_json" / "cam2_10_keypoints.json"
     file.write_text(text)
     with pytest.raises(FileFormatError) as caught:
-        load_openpose(folder)
+        read(folder)
     assert caught.value.field == field
     assert "cam2_10_keypoints.json" in caught.value.file
 
 
 def test_nothing_there(tmp_path):
     with pytest.raises(FileFormatError, match="one folder a camera"):
-        load_openpose(tmp_path)
+        read(tmp_path)
     (tmp_path / "x.zip").write_text("no zip")
     with pytest.raises(FileFormatError, match="a folder or a zip file"):
-        load_openpose(tmp_path / "x.zip")
-
-
-def test_the_real_clip(shared_data):
-    groups = load_openpose(shared_data / "pose2sim_balancing/openpose_body25b_json.zip")
-    assert [len(groups[f"cam{i}_json"].people) for i in (1, 2, 3, 4)] == [100] * 4
-    first = groups["cam1_json"].people[0]
-    assert first.shape[1:] == (len(BODY_25B), 3)
-    # He stands upright in the first image: the ankles are below the head.
-    assert first[0, BODY_25B.index("left_ankle"), 1] > first[0, BODY_25B.index("head"), 1] + 500
+        read(tmp_path / "x.zip")
