@@ -15,7 +15,7 @@ from tracker_node.objective.color.score import ColorObjective
 from tracker_node.optimize.alignment import align
 from tracker_node.optimize.robust_fit import Fitted, align_robustly
 from tracker_node.optimize.score_objective import ScoreObjective, SearchResult
-from tracker_node.optimize.simplex import polish, search_simplex
+from tracker_node.optimize.simplex import POLISH, search_simplex
 from tracker_node.optimize.stepping import DECIMATED_LOOPS, FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
 from tracker_node.parallel import Workers
 
@@ -61,7 +61,7 @@ def stepping_simplex(
 ) -> SearchResult:
     """Decimated stepping, then a fine simplex: as far as the score itself goes."""
     stepped = step_downhill(objective, start, chain, SteppingOptions(DECIMATED_LOOPS), active)
-    polished = polish(objective, stepped.state, chain, active=active)
+    polished = search_simplex(objective, stepped.state, chain, POLISH, active)
     return replace(
         polished, evaluations=stepped.evaluations + polished.evaluations,
         evaluations_per_variable=stepped.evaluations_per_variable + polished.evaluations_per_variable,

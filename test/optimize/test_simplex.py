@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from benchmark.color._fits import stepping_simplex
 from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
 from tracker_node.optimize.robust_start import RobustStartOptions, search
-from tracker_node.optimize.simplex import SimplexOptions, SimplexStage, polish, search_simplex
+from tracker_node.optimize.simplex import POLISH, SimplexOptions, SimplexStage, search_simplex
 from tracker_node.optimize.stepping import DECIMATED_LOOPS, SteppingOptions, step_downhill
 
 OPTIMIZERS = {"stepping": step_downhill, "simplex": search_simplex, "stepping_simplex": stepping_simplex}
@@ -97,7 +97,7 @@ def test_polish_stays_where_it_was_put():
     """It is fine from the first step: on a wavy score it does not jump to another valley."""
     tip = np.array([0.002, -0.001, 0.0, 0.003, 0.0, -0.002])
     objective = AnalyticScore(lambda x: correlated(x, tip))
-    result = polish(objective, START, RIGID)
+    result = search_simplex(objective, START, RIGID, POLISH)
     assert max(np.abs(x).max() for x in objective.asked) < 0.05
     np.testing.assert_allclose(result.variables, tip, atol=3e-4)
 
@@ -112,7 +112,7 @@ def test_stepping_and_simplex_in_a_row_are_counted_together():
     counted = score()
     both = stepping_simplex(counted, start, chain, active=(0, 6))
     first = step_downhill(score(), start, chain, SteppingOptions(DECIMATED_LOOPS), (0, 6))
-    second = polish(score(), first.state, chain, active=(0, 6))
+    second = search_simplex(score(), first.state, chain, POLISH, (0, 6))
     assert both.evaluations == len(counted.asked) == first.evaluations + second.evaluations
     np.testing.assert_allclose(both.evaluations_per_variable, first.evaluations_per_variable + second.evaluations_per_variable)
     np.testing.assert_array_equal(both.variables, second.variables)

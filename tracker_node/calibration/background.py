@@ -20,22 +20,11 @@ from ..loaders.images.source import IMAGE_SUFFIXES, open_source
 from ..loaders.rig.rig_yaml import RigFile
 from ..loaders.whole_file import whole_file
 
-
-@dataclass(frozen=True)
-class BuildOptions:
-    """How to choose.
-
-    Parameters
-    ----------
-    tolerance : color levels (of 255) within which two images agree about a pixel.
-    min_fraction : fraction of the images that must agree for the recording to count rather than the other image. Uniform clothes
-        of somebody who hardly moves agree in many images too: keep it high.
-    min_width_px : what changes in a place narrower than this is noise, not somebody who moves.
-    """
-
-    tolerance: float = 12.0
-    min_fraction: float = 0.8
-    min_width_px: int = 9
+_TOLERANCE = 12.0  # color levels (of 255) within which two images agree about a pixel
+# This fraction of the images must agree for the recording to count rather than the other image. Uniform clothes of somebody who
+# hardly moves agree in many images too: keep it high.
+_MIN_FRACTION = 0.8
+_MIN_WIDTH_PX = 9  # what changes in a place narrower than this is noise, not somebody who moves
 
 
 @dataclass(frozen=True)
@@ -52,14 +41,13 @@ class Background:
     known: np.ndarray
 
 
-def build_background(images: np.ndarray, alone: np.ndarray | None = None, options: BuildOptions | None = None) -> Background:
+def build_background(images: np.ndarray, alone: np.ndarray | None = None) -> Background:
     """Background of a static camera.
 
     Parameters
     ----------
     images : (n, h, w, 3) uint8, spread over the recording; 20 to 40 do.
     alone : the background without anybody, (h, w, 3) uint8 of the same camera in the same place and the same pixels, or None.
-    options : tolerances.
 
     Returns
     -------
@@ -69,13 +57,12 @@ def build_background(images: np.ndarray, alone: np.ndarray | None = None, option
     ------
     ValueError : when the sizes differ or there are no images.
     """
-    options = options or BuildOptions()
     if images.ndim != 4 or len(images) == 0:
         raise ValueError(f"expected images of shape (n, h, w, 3), got {images.shape}")
     if alone is not None and alone.shape != images.shape[1:]:
         raise ValueError(f"expected a background alone of shape {images.shape[1:]}, got {alone.shape}")
-    median, fraction = _median_and_agreement(images, options.tolerance)
-    known = ~_where_somebody_moves(fraction, options)
+    median, fraction = _median_and_agreement(images)
+    known = ~_where_somebody_moves(fraction)
     if alone is None:
         return Background(median, known)
     matched = _exposed_like(alone, median)
@@ -83,7 +70,7 @@ def build_background(images: np.ndarray, alone: np.ndarray | None = None, option
 
 
 def build_backgrounds(
-    rig: CameraRig, n_images: int = 25, folder: str | Path | None = None, options: BuildOptions | None = None
+    rig: CameraRig, n_images: int = 25, folder: str | Path | None = None
 ) -> Iterator[tuple[str, Background]]:
     """Background of each camera of a rig, from its source, one after the other.
 
@@ -92,7 +79,6 @@ def build_backgrounds(
     rig : whose cameras have sources.
     n_images : of each recording.
     folder : with an image of the background alone for each camera, named as the camera; None: there are none.
-    options : tolerances.
 
     Yields
     ------
@@ -107,7 +93,7 @@ def build_backgrounds(
             raise CalibrationError(camera.name, "has no source in the rig")
         images = spread_images(camera.source, n_images)
         alone = None if folder is None else _image_of(Path(folder), camera.name, images.shape[1:])
-        yield camera.name, build_background(images, alone, options)
+        yield camera.name, build_background(images, alone)
 
 
 def with_backgrounds(rig_file: RigFile, paths: Mapping[str, Path]) -> RigFile:
@@ -141,13 +127,13 @@ def _image_of(folder: Path, camera: str, shape: tuple[int, ...]) -> np.ndarray:
     return image
 
 
-def _where_somebody_moves(fraction: np.ndarray, options: BuildOptions) -> np.ndarray:
+def _where_somebody_moves(fraction: np.ndarray) -> np.ndarray:
     """(h, w) bool: places where the recording does not agree with itself, and what they enclose."""
     # Edges of things flicker by themselves; whoever moves leaves a wide trace.
-    disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (options.min_width_px,) * 2)
-    moving = cv2.morphologyEx((fraction < options.min_fraction).astype(np.uint8), cv2.MORPH_OPEN, disk)
+    disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_MIN_WIDTH_PX,) * 2)
+    moving = cv2.morphologyEx((fraction < _MIN_FRACTION).astype(np.uint8), cv2.MORPH_OPEN, disk)
     # Uniform clothes of somebody who hardly moves look like background: what motion encloses is not known either.
-    moving = cv2.morphologyEx(cv2.dilate(moving, disk), cv2.MORPH_CLOSE, np.ones((3 * options.min_width_px,) * 2, dtype=np.uint8))
+    moving = cv2.morphologyEx(cv2.dilate(moving, disk), cv2.MORPH_CLOSE, np.ones((3 * _MIN_WIDTH_PX,) * 2, dtype=np.uint8))
     outlines, _ = cv2.findContours(moving, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(moving, outlines, -1, 1, cv2.FILLED)
     return moving.astype(bool)
@@ -198,7 +184,7 @@ def write_image(path: Path, image: np.ndarray) -> None:
         raise SourceError(path, f"cannot be written: {error.strerror}") from error
 
 
-def _median_and_agreement(images: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+def _median_and_agreement(images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Per pixel the median color (h, w, 3) uint8, and the fraction (h, w) of the images that agree with it."""
     median = np.empty(images.shape[1:], dtype=np.uint8)
     fraction = np.empty(images.shape[1:3], dtype=np.float32)
@@ -208,12 +194,12 @@ def _median_and_agreement(images: np.ndarray, tolerance: float) -> tuple[np.ndar
         median[top : top + 64] = np.partition(strip, middle, axis=0)[middle]
         near = np.zeros(strip.shape[1:3], dtype=np.float32)
         for image in strip:
-            near += np.max(cv2.absdiff(image, median[top : top + 64]), axis=-1) <= tolerance
+            near += np.max(cv2.absdiff(image, median[top : top + 64]), axis=-1) <= _TOLERANCE
         fraction[top : top + 64] = near / len(images)
     return median, fraction
 
 
-def _exposed_like(alone: np.ndarray, median: np.ndarray, n_rounds: int = 8) -> np.ndarray:
+def _exposed_like(alone: np.ndarray, median: np.ndarray) -> np.ndarray:
     """The image (float32) with a gain and an offset per channel, fitted where it shows the same as the recording."""
     result = np.empty(alone.shape, dtype=np.float32)
     for channel in range(alone.shape[2]):
@@ -221,7 +207,7 @@ def _exposed_like(alone: np.ndarray, median: np.ndarray, n_rounds: int = 8) -> n
         y = median[::4, ::4, channel].ravel().astype(np.float64)
         inside = (x > 5) & (x < 250) & (y > 5) & (y < 250)
         gain, offset = 1.0, 0.0
-        for _ in range(n_rounds):
+        for _ in range(8):
             error = np.abs(gain * x + offset - y)
             keep = inside & (error <= max(6.0, 2.0 * float(np.median(error[inside])) if inside.any() else 6.0))
             if np.count_nonzero(keep) < 100 or np.ptp(x[keep]) < 10.0:

@@ -108,21 +108,20 @@ def undistort(model_id, k, xd, yd):
     return x, y, (px - xd) ** 2 + (py - yd) ** 2 < 1e-16
 
 
-def monotonic_radius(model_id: int, k: np.ndarray, limit: float = 8.0) -> float:
+def monotonic_radius(model_id: int, k: np.ndarray) -> float:
     """Largest radius up to which distortion keeps points in order; beyond it the polynomial folds back.
 
     Parameters
     ----------
     model_id, k : one of `MODEL_IDS`, and its coefficients (`N_PACKED`,).
-    limit : largest radius that is examined.
 
     Returns
     -------
-    Radius in normalized coordinates; infinite if nothing folds up to ``limit``.
+    Radius in normalized coordinates; infinite if nothing folds up to 8.
     """
     if model_id == 0:
         return np.inf
-    return float(_first_fold(model_id, k, np.linspace(0.0, limit, 4001)[1:]))
+    return float(_first_fold(model_id, k, np.linspace(0.0, 8.0, 4001)[1:]))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

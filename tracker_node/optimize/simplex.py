@@ -77,23 +77,6 @@ def search_simplex(
     return space.result(x, score, converged)
 
 
-def polish(
-    objective: ScoreObjective, start: State, chain: KinematicChain, options: SimplexOptions | None = None,
-    active: Sequence[int] | None = None,
-) -> SearchResult:  # fmt: skip
-    """The fine stage alone, from a state that is within millimeters of the minimum.
-
-    Parameters
-    ----------
-    objective, start, chain, options, active : see `search_simplex`; the default is `POLISH`.
-
-    Returns
-    -------
-    Converged where the stage has.
-    """
-    return search_simplex(objective, start, chain, options or POLISH, active)
-
-
 def _run_stage(
     space: VariableSpace, start: np.ndarray, variables: list[int], stage: SimplexStage
 ) -> tuple[np.ndarray, float, bool]:

@@ -131,9 +131,9 @@ def _draw_skeleton(drawn: np.ndarray, configuration: Configuration, camera: Came
         cv2.circle(drawn, _fixed(point), radius, _WHITE, -1, cv2.LINE_AA, _SHIFT)
 
 
-def _draw_axes(drawn: np.ndarray, T_world_link: np.ndarray, camera: Camera, width: int, length: float = 0.1) -> None:
-    """The frame of a rigid object: x red, y green, z blue."""
-    ends, valid = camera.project(se3.apply(T_world_link, np.vstack([np.zeros(3), length * np.eye(3)])))
+def _draw_axes(drawn: np.ndarray, T_world_link: np.ndarray, camera: Camera, width: int) -> None:
+    """The frame of a rigid object, 10 cm long: x red, y green, z blue."""
+    ends, valid = camera.project(se3.apply(T_world_link, np.vstack([np.zeros(3), 0.1 * np.eye(3)])))
     for axis, color in enumerate(((0, 0, 255), (0, 200, 0), (255, 80, 0)), start=1):
         if valid[0] and valid[axis]:
             cv2.line(drawn, _fixed(ends[0]), _fixed(ends[axis]), color, width + 1, cv2.LINE_AA, _SHIFT)

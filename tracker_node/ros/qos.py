@@ -41,19 +41,9 @@ def images_published(depth: int = 10) -> QoSProfile:
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 
 
-def images_subscribed(lossless: bool, depth: int = 100) -> QoSProfile:
-    """Profile to subscribe to images with.
-
-    Parameters
-    ----------
-    lossless : every image in order; else the newest as they come.
-    depth : of the queue where lossless.
-
-    Returns
-    -------
-    profile : of rclpy.
-    """
-    return images_published(depth) if lossless else LIVE_IMAGES
+def images_subscribed(lossless: bool) -> QoSProfile:
+    """Profile to subscribe to images with: every image in order where lossless, else the newest as they come."""
+    return images_published(100) if lossless else LIVE_IMAGES
 
 
 def qos_profile(offered: OfferedQos) -> QoSProfile:

@@ -22,23 +22,15 @@ from ..tracking.config import TrackerConfig, flatten, from_dict
 from ..tracking.migration import migrated
 
 
-def load_config(path: str | Path, node: str = "tracker") -> TrackerConfig:
-    """Tracker configuration of a plain or ROS parameter file; what the file leaves out has its default.
-
-    Parameters
-    ----------
-    path : of the file.
-    node : whose parameters, in a ROS parameter file.
-
-    Returns
-    -------
-    config : checked.
+def load_config(path: str | Path) -> TrackerConfig:
+    """Tracker configuration of a plain parameter file, or of the node ``tracker`` in one of ROS; what the file leaves out has its
+    default.
 
     Raises
     ------
     FileFormatError : naming file and parameter, the range or the choices, and the value.
     """
-    return from_dict(load_parameters(path, node), str(path))
+    return from_dict(load_parameters(path, "tracker"), str(path))
 
 
 def dump_config(config: TrackerConfig, path: str | Path) -> None:

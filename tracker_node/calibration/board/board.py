@@ -10,6 +10,7 @@ import numpy as np
 
 KINDS = ("chessboard", "charuco")
 _SEARCH_WIDTH = 960  # an image is searched for a chessboard at this width at most; corners are refined in the whole image
+_LEAST_CORNERS = 6  # of a ChArUco board that is partly in view
 _EDGE_PX = 10  # edges are measured this far around a corner
 
 
@@ -113,8 +114,8 @@ class BoardView:
 class BoardDetector:
     """Finds a board. Make one for each thread: OpenCV's detectors are not shared."""
 
-    def __init__(self, board: Board, least_corners: int = 6):
-        self.board, self._least = board, least_corners
+    def __init__(self, board: Board):
+        self.board = board
         if board.kind == "charuco":
             size = board.square_m, board.square_m * board.marker_ratio
             charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), *size, _markers(board.dictionary))
@@ -136,9 +137,10 @@ class BoardDetector:
         gray = bgr if bgr.ndim == 2 else cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
         gray = 255 - gray if self.board.inverted else gray
         ids, pixels = self._charuco_corners(gray) if self.board.kind == "charuco" else self._chessboard_corners(gray)
-        if len(ids) < self._least or not _spans_plane(self.board.corners[ids]) or _is_reflected(self.board.corners[ids], pixels):
+        corners = self.board.corners[ids]
+        if len(ids) < _LEAST_CORNERS or not _spans_plane(corners) or _is_reflected(corners, pixels):
             return None
-        return BoardView(stamp_ns, ids, pixels, _edge_width(gray, self.board.corners[ids], pixels), image)
+        return BoardView(stamp_ns, ids, pixels, _edge_width(gray, corners, pixels), image)
 
     def sees_back(self, bgr: np.ndarray) -> bool:
         """Whether the board's mirrored back is in an image: a print that shows through, or one on both sides.

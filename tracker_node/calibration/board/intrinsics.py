@@ -116,20 +116,10 @@ def observations_of(views: Sequence[dict[int, BoardView]], stamps_ns: Sequence[i
     return BoardObservations(*(np.concatenate(column) for column in columns))
 
 
-def outlying(rms_px: Sequence[float], least_px: float = 1.0) -> np.ndarray:
-    """Views whose error is far beyond what is usual.
-
-    Parameters
-    ----------
-    rms_px : (n,) errors of the views.
-    least_px : no error below it is an outlier.
-
-    Returns
-    -------
-    (n,) True for errors above four times the median.
-    """
+def outlying(rms_px: Sequence[float]) -> np.ndarray:
+    """(n,) True for views whose error is far beyond what is usual: above four times the median, and a pixel."""
     rms = np.asarray(rms_px)
-    return rms > max(least_px, 4.0 * float(np.median(rms)))
+    return rms > max(1.0, 4.0 * float(np.median(rms)))
 
 
 def _posed(board: Board, lens: CameraModel, views: Sequence[BoardView]) -> tuple[list[BoardView], np.ndarray]:

@@ -16,11 +16,12 @@ from .board import Board, BoardView
 from .views import BoardTimeStep, spanning_tree
 
 _FOCAL_STEPS = np.geomspace(0.25, 4.0, 33)  # tried focal lengths, in image widths
+_TRIED_VIEWS = 20  # that focal lengths are tried on, spread over all
 _LARGE_PX = 1e6  # error of a pose that does not explain the view at all
 
 
 def initial_lens(
-    board: Board, views: Sequence[BoardView], image_size: tuple[int, int], distortion_model: str, most_views: int = 20
+    board: Board, views: Sequence[BoardView], image_size: tuple[int, int], distortion_model: str
 ) -> CameraModel:
     """A lens without distortion whose focal length explains the views best: the start of a calibration.
 
@@ -30,7 +31,6 @@ def initial_lens(
     views : of one camera.
     image_size : (width, height).
     distortion_model : of the lens; its coefficients are zero.
-    most_views : views that focal lengths are tried on, spread over all.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def initial_lens(
     """
     width, height = image_size
     n = {"none": 0, "plumb_bob": 5, "rational_polynomial": 8, "equidistant": 4}[distortion_model]
-    some = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, min(most_views, len(views))).astype(int))]
+    some = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, min(_TRIED_VIEWS, len(views))).astype(int))]
 
     def lens(focal: float) -> CameraModel:
         K = np.array([[focal, 0.0, (width - 1) / 2.0], [0.0, focal, (height - 1) / 2.0], [0.0, 0.0, 1.0]])
@@ -51,7 +51,7 @@ def initial_lens(
 
 
 def board_poses(board: Board, lens: CameraModel, view: BoardView) -> tuple[list[np.ndarray], list[float]]:
-    """Both poses that a flat board may have in one view (Collins & Bartoli 2014, "Infinitesimal plane-based pose estimation").
+    """Both poses that a flat board may have in one view.
 
     (Collins & Bartoli, "Infinitesimal plane-based pose estimation", 2014, as OpenCV has it.)
 

@@ -24,6 +24,7 @@ from .bundle_adjustment import Adjustment, AdjustmentOptions, PointObservations,
 from .triangulation import reproject, triangulate
 
 MIN_POINTS = 20  # fewer do not hold six numbers a camera
+SAME_PERSON_PX = 60.0  # median distance beyond which two people are not the same
 MIN_JOINTS = 6  # fewer joints in common say too little about who is who
 
 
@@ -208,7 +209,7 @@ def refine_rig(
     )  # fmt: skip
 
 
-def rigid_alignment(points: np.ndarray, targets: np.ndarray, n_iterations: int = 20) -> np.ndarray:
+def rigid_alignment(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """Rotation and translation between two sets of points (Kabsch), far pairs counting less.
 
     Each round weights pairs by 1 / (s^2 + d^2), s the median distance: a Cauchy loss.
@@ -216,14 +217,13 @@ def rigid_alignment(points: np.ndarray, targets: np.ndarray, n_iterations: int =
     Parameters
     ----------
     points, targets : (n, 3).
-    n_iterations : rounds of reweighting.
 
     Returns
     -------
     T (4, 4) with ``targets`` near T @ ``points``.
     """
     transform, weights = np.eye(4), np.ones(len(points))
-    for _ in range(n_iterations):
+    for _ in range(20):
         transform = se3.rigid_fit(points, targets, weights)
         squares = np.sum((se3.apply(transform, points) - targets) ** 2, axis=-1)
         weights = 1.0 / (max(float(np.median(squares)), 1e-12) + squares)
@@ -269,7 +269,7 @@ def _lags(rig: CameraRig, points: np.ndarray, valid: np.ndarray, residuals_px: n
     return result
 
 
-def associate_people(rig: CameraRig, people: list[np.ndarray], threshold_px: float = 60.0) -> tuple[np.ndarray, int]:
+def associate_people(rig: CameraRig, people: list[np.ndarray]) -> tuple[np.ndarray, int]:
     """The person whom most cameras agree on, in one image set.
 
     Every pair of people in two cameras proposes one: their joints are triangulated, and each other camera joins with whoever lies
@@ -277,9 +277,8 @@ def associate_people(rig: CameraRig, people: list[np.ndarray], threshold_px: flo
 
     Parameters
     ----------
-    rig : cameras; their poses may be off by what ``threshold_px`` allows.
+    rig : cameras; their poses may be off by what `SAME_PERSON_PX` allows.
     people : per camera (n_people, n_joints, 3): u, v, confidence.
-    threshold_px : median distance beyond which two people are not the same.
 
     Returns
     -------
@@ -290,24 +289,24 @@ def associate_people(rig: CameraRig, people: list[np.ndarray], threshold_px: flo
     best, best_score = np.zeros((len(rig), n_joints, 3)), (0, 0.0)
     for a, b in itertools.combinations(range(len(rig)), 2):
         for first, second in itertools.product(people[a], people[b]):
-            joints, score = _complete(rig, people, {a: first, b: second}, n_joints, threshold_px)
+            joints, score = _complete(rig, people, {a: first, b: second}, n_joints)
             if score > best_score:
                 best, best_score = joints, score
     return best, best_score[0]
 
 
-def _complete(rig, people, chosen: dict[int, np.ndarray], n_joints: int, threshold_px: float):
+def _complete(rig, people, chosen: dict[int, np.ndarray], n_joints: int):
     """A pair of people, joined by the nearest of every other camera: joints, (number of cameras, minus median distance)."""
     joints = np.zeros((len(rig), n_joints, 3))
     for camera, person in chosen.items():
         joints[camera] = person
     distances = _distances(rig, joints)
-    if distances is None or any(_median(distances[c], joints[c]) > threshold_px for c in chosen):
+    if distances is None or any(_median(distances[c], joints[c]) > SAME_PERSON_PX for c in chosen):
         return joints, (0, 0.0)
     points, valid = _points(rig, joints)
     pixels, visible = reproject([c.model for c in rig], np.array([c.T_world_cam for c in rig]), points)
     for camera in set(range(len(rig))) - set(chosen):
-        nearest = threshold_px
+        nearest = SAME_PERSON_PX
         for person in people[camera]:
             common = valid & visible[:, camera] & (person[:, 2] > 0.0)
             if common.sum() >= MIN_JOINTS:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -27,12 +27,25 @@ from ...render.shape_arrays import ShapeArrays
 from ...tracking.config import TrackerConfig
 from ...tracking.region.modality import line_options
 
+_OUTWARD_PX = 3.0  # so far beyond a contour it is decided what lies there
 _LEAST_REGION_PX = 8  # a body of which less is in view gives no lines
 
 
-class LineEvidence(Protocol):
-    """Image sets, and the contour lines of a body in them."""
+class LineEvidence(ABC):
+    """Image sets, and the contour lines of a body in them.
 
+    Parameters
+    ----------
+    sets, config : images; how they are processed.
+    backgrounds : images of the empty scene, where there are some, as for the tracker.
+    """
+
+    def __init__(
+        self, sets: Sequence[ImageSet], config: TrackerConfig, backgrounds: Mapping[str, np.ndarray | list] | None = None
+    ):
+        self._sets, self._config, self._backgrounds = list(sets), config, dict(backgrounds or {})
+
+    @abstractmethod
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
         """Observe the image sets around the body.
 
@@ -44,6 +57,7 @@ class LineEvidence(Protocol):
         robust_px : by about how much they are off.
         """
 
+    @abstractmethod
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         """Draw the lines of one image set.
 
@@ -71,7 +85,7 @@ class VisibleSamples:
 
 
 def visible_samples(
-    configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int, outward_px: float = 3.0
+    configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int
 ) -> VisibleSamples:
     """All contour samples of a body that a camera sees, those of one shape together.
 
@@ -81,13 +95,12 @@ def visible_samples(
     arrays : its shapes.
     camera : the camera.
     n_samples : per generator line.
-    outward_px : how far beyond a contour it is decided what lies there.
 
     Returns
     -------
     The samples, in the order of shapes.
     """
-    seen, Ts = samples_seen(configuration, arrays, camera, n_samples, outward_px), configuration.Ts_world_shape
+    seen, Ts = samples_seen(configuration, arrays, camera, n_samples, _OUTWARD_PX), configuration.Ts_world_shape
     shapes, points = seen.info[:, cs.SHAPE], np.empty((len(seen.info), 3))
     for k in np.unique(shapes):
         own = shapes == k
@@ -96,36 +109,17 @@ def visible_samples(
     return VisibleSamples(seen.pixels, seen.info, points)
 
 
-class SilhouetteEvidence:
+class SilhouetteEvidence(LineEvidence):
     """Contours where silhouettes have their boundary, and, of parts in front of others, where the image has edges.
 
-    Every image set is processed by itself: the colors of body and scene are learned in it, around the body.
-
-    Parameters
-    ----------
-    backgrounds : as for the tracker.
+    Every image set is processed by itself: the colors of body and scene are learned in it, around the body. For gray images, of
+    which the colors tell little.
     """
 
-    def __init__(
-        self,
-        sets: Sequence[ImageSet],
-        config: TrackerConfig,
-        backgrounds: Mapping[str, np.ndarray | list] | None = None,
-    ):
-        self._sets, self._config, self._backgrounds = list(sets), config, dict(backgrounds or {})
-        self._maps: list[list[_Maps | None]] = []
+    _maps: list[list[_Maps | None]]
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
-        """Observe the image sets: distances to silhouettes and edges.
-
-
-        Parameters
-        ----------
-        model : the body.
-        rig : the cameras.
-        states : per set, where each camera sees the body, roughly.
-        robust_px : not used; distances reach as far as they do in tracking.
-        """
+        """Distances to silhouettes and edges, which reach as far as they do in tracking."""
         options = self._config.chamfer, self._config.background
         cameras = [
             (c, Observer(c.name, (c.model.width, c.model.height), *options, self._backgrounds.get(c.name))) for c in rig
@@ -148,20 +142,7 @@ class SilhouetteEvidence:
         return None if seen.empty else _Maps(region[:2], seen.silhouette_distance, seen.edge_distance)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
-        """Lines of one image set, to the silhouette for the outline and to edges within it.
-
-
-        Parameters
-        ----------
-        index : of the set.
-        model : the body.
-        rig : the cameras.
-        states : where camera i sees the body.
-
-        Returns
-        -------
-        Lines of all cameras.
-        """
+        """To the silhouette for the outline, and to edges within it."""
         arrays, chamfer = ShapeArrays.from_model(model, caps=False), self._config.chamfer
         drawn = []
         for i, maps in enumerate(self._maps[index]):
@@ -236,40 +217,19 @@ def bilinear(image: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return top + b * (bottom - top), slopes, inside
 
 
-class RegionEvidence:
+class RegionEvidence(LineEvidence):
     """Contours where colors change from those of the body to those of its surroundings.
 
     Colors are learned in all image sets together, one camera at a time, so that a limb that is off in one set does no harm.
-
-    Parameters
-    ----------
-    backgrounds : images of the empty scene, where there are some, as for the tracker.
     """
 
-    def __init__(
-        self,
-        sets: Sequence[ImageSet],
-        config: TrackerConfig,
-        backgrounds: Mapping[str, np.ndarray | list] | None = None,
-    ):
-        self._sets, self._config, self._region = list(sets), config, config.region
-        self._backgrounds = dict(backgrounds or {})
-        self._seen: list[tuple[RegionColors, RegionBackground]] = []
-        self._drawer: tuple[ArticulatedModel, CameraRig, LineDrawer] | None = None
-        self._scale, self._model_sigma_px = 1.0, 0.5
+    _seen: list[tuple[RegionColors, RegionBackground]]
+    _drawer: tuple[ArticulatedModel, CameraRig, LineDrawer] | None = None
+    _scale, _model_sigma_px = 1.0, 0.5
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
-        """Learn the colors of body and background in all image sets, one camera at a time.
-
-
-        Parameters
-        ----------
-        model : the body.
-        rig : the cameras.
-        states : per set, where each camera sees the body, roughly.
-        robust_px : by about how much they are off: length of the lines, and uncertainty of the model.
-        """
-        region, classes = self._region, color_classes(model)
+        """Colors of body and background; ``robust_px`` gives the length of the lines, and the uncertainty of the model."""
+        region, classes = self._config.region, color_classes(model)
         stated = stated_densities(model, classes)
         self._scale, self._model_sigma_px = max(1.0, robust_px / 3.0), robust_px / 6.0
 
@@ -286,7 +246,7 @@ class RegionEvidence:
                 if image is not None and found is not None and min(found[1].shape) >= _LEAST_REGION_PX:
                     seen += 1
                     colors.learn(image.bgr, *found, 1.0 / seen, region.margin_px, region.background_ring_px)
-                    if self._region.learn_background and len(self._sets) > 1:
+                    if region.learn_background and len(self._sets) > 1:
                         room.learn(image.bgr, *found)
             return colors, room
 
@@ -298,20 +258,7 @@ class RegionEvidence:
         return RegionBackground(backgrounds, background.sigma, background.learning_rate, background.body_margin_px)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
-        """Lines of one image set, with the contour's position by the colors on either side.
-
-
-        Parameters
-        ----------
-        index : of the set.
-        model : the body.
-        rig : the cameras.
-        states : where camera i sees the body.
-
-        Returns
-        -------
-        Lines of all cameras.
-        """
+        """With the contour's position by the colors on either side."""
         if self._drawer is None or self._drawer[0] is not model or self._drawer[1] is not rig:
             self._drawer = model, rig, self._make(model, rig)
         drawer, images = self._drawer[2], self._sets[index]

@@ -19,6 +19,7 @@ from ...report.page import PageSection, write_page
 from .body_fit import BodyFit, BodyFitReport, LineMetrics
 from .rig_fit import RigFit
 
+_MARGIN_PX = 20  # around a body
 _IMAGE_HEIGHT = 420  # pixels
 
 
@@ -57,12 +58,12 @@ def before_and_after(
     return images
 
 
-def _cut(image: np.ndarray, bounds: Sequence[tuple[int, int, int, int] | None], margin: int = 20) -> np.ndarray:
+def _cut(image: np.ndarray, bounds: Sequence[tuple[int, int, int, int] | None]) -> np.ndarray:
     """The part of an image where bodies are, in the height of a page's images."""
     known = np.array([b for b in bounds if b is not None])
     if len(known):
-        u0, v0 = np.maximum(known[:, :2].min(axis=0) - margin, 0)
-        u1, v1 = known[:, 2:].max(axis=0) + margin
+        u0, v0 = np.maximum(known[:, :2].min(axis=0) - _MARGIN_PX, 0)
+        u1, v1 = known[:, 2:].max(axis=0) + _MARGIN_PX
         image = image[v0:v1, u0:u1]
     scale = _IMAGE_HEIGHT / image.shape[0]
     return cv2.resize(image, (max(1, round(scale * image.shape[1])), _IMAGE_HEIGHT), interpolation=cv2.INTER_AREA)

@@ -15,6 +15,7 @@ from .lines import LineEvidence
 from .rig_fit import SURE_SIGMAS, RigFit, RigFitOptions, fit_rig
 
 LEAST_SPAN_S = 10.0  # between the middles of the first and the last stretch
+_STRETCHES = 3
 _LEAST_SETS = 3
 
 
@@ -36,23 +37,14 @@ class ClockDrift:
     middle_s: float
 
 
-def stretches(stamps_s: Sequence[float], n: int = 3) -> list[np.ndarray]:
-    """Split image sets into equal stretches of time.
-
-    Parameters
-    ----------
-    stamps_s : of all image sets.
-    n : number of stretches.
-
-    Returns
-    -------
-    Indices of the image sets of each.
+def stretches(stamps_s: Sequence[float]) -> list[np.ndarray]:
+    """Indices of the image sets of equal stretches of time.
 
     Raises
     ------
     CalibrationError : stretches whose middles are less than `LEAST_SPAN_S` apart, or with fewer than three image sets.
     """
-    times = np.asarray(stamps_s, dtype=np.float64)
+    times, n = np.asarray(stamps_s, dtype=np.float64), _STRETCHES
     edges = np.linspace(times.min(), times.max(), n + 1)
     numbers = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, n - 1)
     parts = [np.flatnonzero(numbers == k) for k in range(n)]

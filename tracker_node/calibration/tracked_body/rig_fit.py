@@ -37,6 +37,7 @@ from .lines import LineEvidence, RegionEvidence
 from .solver import Estimate, Problem, SharedPrior, clustered_covariance, moved_camera, shared_covariance
 
 SURE_SIGMAS = 3.0  # a delay of fewer is taken for none
+METER_RAD = 0.2  # that count as much as a meter
 LEAST_LINES = 30  # of a camera; fewer do not hold six numbers
 
 
@@ -238,7 +239,7 @@ def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[Camer
     return CameraRig(tuple(result), rig.world_frame, rig.lights), tuple(states)
 
 
-def _settled_sigmas(rig: CameraRig, covariance: np.ndarray, meter_rad: float = 0.2) -> np.ndarray:
+def _settled_sigmas(rig: CameraRig, covariance: np.ndarray) -> np.ndarray:
     """(n_cameras, `N_CAMERA`) standard deviations of departures, without the move and the delay that all cameras share."""
     n = len(rig)
     common = np.zeros((n, N_CAMERA, 7))
@@ -247,22 +248,21 @@ def _settled_sigmas(rig: CameraRig, covariance: np.ndarray, meter_rad: float = 0
         common[i, :3, :3], common[i, 3:6, 3:6] = T[:3, :3], T[:3, :3]
         common[i, :3, 3:6] = so3.hat(T[:3, 3]) @ T[:3, :3]
         common[i, TIME, 6] = 1.0
-    scale = np.tile(np.r_[[meter_rad] * 3, [1.0] * (N_CAMERA - 3)], n)
+    scale = np.tile(np.r_[[METER_RAD] * 3, [1.0] * (N_CAMERA - 3)], n)
     A = scale[:, None] * common.reshape(n * N_CAMERA, 7)
     rest = np.eye(len(A)) - A @ np.linalg.pinv(A)
     rest = rest * scale[None, :] / scale[:, None]
     return np.sqrt(np.maximum(np.diag(rest @ covariance @ rest.T), 0.0)).reshape(n, N_CAMERA)
 
 
-def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, meter_rad: float = 0.2) -> np.ndarray:
-    """Transform that brings most cameras back to their given poses: least sum of distances, not of squares.
+def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """Transform that brings most cameras back to their given poses.
 
-    Least sum of distances (not of squares), by reweighting; a meter counts as much as ``meter_rad`` radians.
+    Least sum of distances (not of squares), by reweighting; a meter counts as much as `METER_RAD` radians.
 
     Parameters
     ----------
     Ts_world_cam, given : (n, 4, 4) poses, and those that they are to be near.
-    meter_rad : radians that count as much as a meter.
 
     Returns
     -------
@@ -275,9 +275,9 @@ def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, meter_rad: float 
         now = T @ Ts_world_cam
         for i, (pose, wanted) in enumerate(zip(now, given, strict=True)):
             J = np.zeros((6, 6))  # of (v, omega) about the middle of the cameras
-            J[:3, :3], J[:3, 3:], J[3:, 3:] = meter_rad * np.eye(3), -meter_rad * so3.hat(pose[:3, 3] - middle), np.eye(3)
+            J[:3, :3], J[:3, 3:], J[3:, 3:] = METER_RAD * np.eye(3), -METER_RAD * so3.hat(pose[:3, 3] - middle), np.eye(3)
             turn = so3.log(wanted[:3, :3] @ pose[:3, :3].T)
-            off = np.concatenate([meter_rad * (wanted[:3, 3] - pose[:3, 3]), turn])
+            off = np.concatenate([METER_RAD * (wanted[:3, 3] - pose[:3, 3]), turn])
             weights[i] = 1.0 / max(float(np.linalg.norm(off)), 1e-5)
             H += weights[i] * J.T @ J
             g += weights[i] * J.T @ off

@@ -91,14 +91,13 @@ class TrackedClip:
     evaluation: Evaluation
 
 
-def synthetic_clip(folder: str | Path, name: str, images: SourceOptions | None = None) -> Clip:
+def synthetic_clip(folder: str | Path, name: str) -> Clip:
     """A recording that ``tracker_node synthesize`` has made.
 
     Parameters
     ----------
     folder : of the recording.
     name : prefix of its metrics.
-    images : which images, and in which size; None: all.
 
     Returns
     -------
@@ -111,7 +110,7 @@ def synthetic_clip(folder: str | Path, name: str, images: SourceOptions | None =
     folder = Path(folder)
     rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "person.yaml")
     start, truth = load_state(folder / "state.yaml", model), load_truth(folder / "truth.csv")
-    return Clip(name, folder, rig, model, start, load_backgrounds(rig), truth, images or SourceOptions())
+    return Clip(name, folder, rig, model, start, load_backgrounds(rig), truth, SourceOptions())
 
 
 def track_clip(

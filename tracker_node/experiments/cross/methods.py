@@ -14,7 +14,7 @@ from ...objective.color.asynchronous import AsynchronousObjective, AsynchronousP
 from ...objective.color.score import ColorObjective, ColorOptions
 from ...observation.deinterlace import field_camera, first_line
 from ...optimize.alignment import AlignmentOptions, align
-from ...optimize.simplex import polish
+from ...optimize.simplex import POLISH, search_simplex
 from ...optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
 from ..rigid_tracking import FitResult, TrackedSequence, moved
 from .scene import CrossScene, Footage
@@ -112,14 +112,14 @@ class _Fitter:
         stepped = step_downhill(self._score, start, self._chain, SteppingOptions(SEVEN_LOOPS), _RIGID)
         if self._method.fit == "stepping":
             return stepped
-        polished = polish(self._score, stepped.state, self._chain, active=_RIGID)
+        polished = search_simplex(self._score, stepped.state, self._chain, POLISH, _RIGID)
         return replace(polished, evaluations=stepped.evaluations + polished.evaluations)
 
     def again(self, start: State) -> FitResult:
         """A fit from an earlier one."""
         if self._method.fit == "alignment":
             return align(self._aligned, start, self._chain, AlignmentOptions(coarsest=1))
-        return polish(self._score, start, self._chain, active=_RIGID)
+        return search_simplex(self._score, start, self._chain, POLISH, _RIGID)
 
 
 def track(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method, late_s: Sequence[float]) -> TrackedSequence:

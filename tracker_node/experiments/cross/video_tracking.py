@@ -49,9 +49,8 @@ def track_video(
 
 
 def refine_video(
-    show: Show, states: Sequence[State], fit: Callable[[State], FitResult], period_s: float,
-    done: Callable[[int], None] = lambda image: None,
-) -> TrackedSequence:  # fmt: skip
+    show: Show, states: Sequence[State], fit: Callable[[State], FitResult], period_s: float
+) -> TrackedSequence:
     """Fit every image set again from its own estimate, with the velocity from the estimates around it.
 
     Parameters
@@ -60,7 +59,6 @@ def refine_video(
     states : estimates.
     fit : from a start to an estimate.
     period_s : time between image sets.
-    done : called with every image set that is finished.
 
     Returns
     -------
@@ -70,7 +68,6 @@ def refine_video(
     for image, velocity in enumerate(velocities(states, period_s)):
         show(image, velocity)
         found.append(fit(states[image]))
-        done(image)
     return _sequence(found)
 
 

@@ -77,20 +77,11 @@ class FileContents:
         self.end_ns = max(self.end_ns, message.stamp_ns)
 
 
-def one_text(problems: Iterable[str], most: int = 4) -> str:
-    """Several problems as one text, each once.
-
-    Parameters
-    ----------
-    problems, most : sentences; number of those that are written out.
-
-    Returns
-    -------
-    Text, with the number of those left out.
-    """
+def one_text(problems: Iterable[str]) -> str:
+    """Several problems as one text: the first four different ones, and the number of those left out."""
     different = list(dict.fromkeys(problems))
-    more = [f"and {len(different) - most} more"] if len(different) > most else []
-    return "; ".join([*different[:most], *more])
+    more = [f"and {len(different) - 4} more"] if len(different) > 4 else []
+    return "; ".join([*different[:4], *more])
 
 
 MAGIC = b"\x89MCAP0\r\n"

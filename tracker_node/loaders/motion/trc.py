@@ -183,16 +183,15 @@ class NumberTable:
     in_degrees: bool
 
 
-def dump_table(table: NumberTable, path: str | Path, title: str = "Coordinates") -> None:
+def dump_table(table: NumberTable, path: str | Path) -> None:
     """Write a ``.mot`` or ``.sto``; values that are not valid become ``nan``.
 
     Parameters
     ----------
     table, path : columns over time; file.
-    title : first line of the file.
     """
     n, k = table.values.shape
-    header = [title, "version=1", f"nRows={n}", f"nColumns={k + 1}", f"inDegrees={'yes' if table.in_degrees else 'no'}"]
+    header = ["Coordinates", "version=1", f"nRows={n}", f"nColumns={k + 1}", f"inDegrees={'yes' if table.in_degrees else 'no'}"]
     lines = [*header, "endheader", "\t".join(("time", *table.names))]
     for time_s, values, valid in zip(table.times_s, table.values, table.valid, strict=True):
         cells = [repr(float(value)) if good else "nan" for value, good in zip(values, valid, strict=True)]

@@ -104,13 +104,12 @@ class _Side:
         return (self.sign * x, y, self.sign * z)
 
 
-def human_model(measures: HumanMeasures | None = None, name: str = "human", ankles: bool = False) -> ArticulatedModel:
+def human_model(measures: HumanMeasures | None = None, ankles: bool = False) -> ArticulatedModel:
     """Body of a person.
 
     Parameters
     ----------
     measures : meters; None for a man of 1.75 m.
-    name : of the model.
     ankles : feet turn up and down. Who tracks heels and toes needs them: on stiff ankles these pull knees off by 5 cm in a squat.
 
     Returns
@@ -131,7 +130,7 @@ def human_model(measures: HumanMeasures | None = None, name: str = "human", ankl
         joints += _limb_joints(m, side, ankles)
         shapes += _limb_shapes(m, side)
         landmarks += _limb_landmarks(m, side)
-    return ArticulatedModel(name, KinematicChain(links, tuple(joints)), tuple(shapes), tuple(landmarks))
+    return ArticulatedModel("human", KinematicChain(links, tuple(joints)), tuple(shapes), tuple(landmarks))
 
 
 def _axes(rows, prefix: str = "", side: _Side | None = None) -> tuple[Axis, ...]:

@@ -12,6 +12,7 @@ from scipy import ndimage
 from ...camera.rig import Camera, axes_equations
 
 _LEAST = 0.1  # probability left to a place that a camera denies: silhouettes have holes
+_SOLID = 0.4  # probability above which a point counts
 _MOST_STEPS = 200  # of a grid, each way: 8 million points, some hundred megabytes
 _REACH = 1.6  # of the distance from the cameras to what they see: half the width of the volume
 
@@ -112,7 +113,7 @@ def seen_from(camera: Camera, volume: Volume, occupied: np.ndarray) -> np.ndarra
     return np.asarray(large[: model.height, : model.width], dtype=np.float32)
 
 
-def places(volume: Volume, occupied: np.ndarray, size_m: float, n: int, least: float = 0.4) -> np.ndarray:
+def places(volume: Volume, occupied: np.ndarray, size_m: float, n: int) -> np.ndarray:
     """Middles of what may be bodies, the likeliest first.
 
     Parameters
@@ -120,13 +121,12 @@ def places(volume: Volume, occupied: np.ndarray, size_m: float, n: int, least: f
     volume, occupied : points, and (nx, ny, nz) their probabilities.
     size_m : of the body.
     n : places at most.
-    least : probability above which a point counts.
 
     Returns
     -------
     (m, 3) meters, world, m <= ``n``.
     """
-    solid = np.where(occupied > least, occupied, 0.0)
+    solid = np.where(occupied > _SOLID, occupied, 0.0)
     mass = ndimage.gaussian_filter(solid, 0.18 * size_m / volume.step_m).ravel()
     points, least_mass = volume.points, 0.05 * float(mass.max(initial=0.0))
     found: list[np.ndarray] = []

@@ -92,10 +92,10 @@ class MotionClip:
         positions, rotations = _continued(positions, rotations, cycles, *clip._at(np.array([0.0, self.duration_s])))
         return Motion(self.name, float(rate_hz), positions, rotations)
 
-    def closed(self, blend_s: float = 0.3) -> MotionClip:
-        """The clip with its last ``blend_s`` seconds bent so that its last pose is its first, but for travel and turn."""
+    def closed(self) -> MotionClip:
+        """The clip with its last 0.3 s bent so that its last pose is its first, but for travel and turn."""
         columns, times = self.columns.copy(), self.times_s
-        weight = np.clip(1.0 - (times[-1] - times) / blend_s, 0.0, 1.0)
+        weight = np.clip(1.0 - (times[-1] - times) / 0.3, 0.0, 1.0)
         weight = weight * weight * (3.0 - 2.0 * weight)
         for segment, (start, width) in _COLUMNS.items():
             values = columns[:, start : start + width]

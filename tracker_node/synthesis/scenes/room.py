@@ -93,11 +93,12 @@ def _to_texture(image: np.ndarray) -> np.ndarray:
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def _planks(rng: np.random.Generator, size: int = 1024, n_rows: int = 36) -> np.ndarray:
+def _planks(rng: np.random.Generator) -> np.ndarray:
     """Wooden floor: staggered planks of slightly different tones, grain along them, dark joints."""
+    size = 1024
     image = np.empty((size, size, 3), dtype=np.float32)
     grain = _grain(rng, size, 24.0, 0.8)
-    edges = np.linspace(0, size, n_rows + 1).astype(int)
+    edges = np.linspace(0, size, 37).astype(int)
     for top, bottom in pairwise(edges):
         cuts = np.unique(np.concatenate([[0], np.sort(rng.integers(60, size - 60, 3)), [size]]))
         for left, right in pairwise(cuts):
@@ -143,8 +144,9 @@ def _wall(rng: np.random.Generator, tint: tuple[int, int, int], index: int) -> n
     return image
 
 
-def _wood(rng: np.random.Generator, tint: tuple[int, int, int], size: int = 256) -> np.ndarray:
+def _wood(rng: np.random.Generator, tint: tuple[int, int, int]) -> np.ndarray:
     """Furniture: grain upright, doors or drawers marked by dark lines."""
+    size = 256
     image = np.empty((size, size, 3), dtype=np.float32)
     image[:] = tint
     image += 5.0 * _grain(rng, size, 0.8, 20.0)[:, :, None]

@@ -60,7 +60,7 @@ class LimbAlternatives:
         self._low, self._high = reachable(model.chain)
         self._neutral = np.array([axis.neutral for axis in model.chain.axes])
 
-    def find(self, state: State, limb: Limb, doubtful: np.ndarray, n: int, seed: int = 0) -> list[State]:
+    def find(self, state: State, limb: Limb, doubtful: np.ndarray, n: int) -> list[State]:
         """States with a limb at rest and in other places.
 
         Parameters
@@ -68,14 +68,13 @@ class LimbAlternatives:
         state, limb : of the body, and that which is placed.
         doubtful : (n_shapes,) mask; no colors are learned from these shapes, and none from the limb.
         n : other places at most.
-        seed : of the poses that are tried.
 
         Returns
         -------
         The one at rest, and the others, the best of these first.
         """
         self._score.set_maps(self._maps(state, doubtful | limb.shapes), np.arange(len(self._model.shapes)))
-        rng, own = np.random.default_rng(seed), np.flatnonzero(limb.dofs[N_ROOT_DOF:])
+        rng, own = np.random.default_rng(0), np.flatnonzero(limb.dofs[N_ROOT_DOF:])
         unit = rng.random((_SAMPLES, len(own)))
         joints = np.repeat(state.joint_positions[None], _SAMPLES, axis=0)
         joints[:, own] = self._low[own] + unit * (self._high - self._low)[own]
