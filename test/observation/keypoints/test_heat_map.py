@@ -23,18 +23,19 @@ def empty(n: int = 1, height: int = 20, width: int = 30) -> np.ndarray:
     return np.zeros((height, width, n))
 
 
-def test_mean_and_second_moments_are_those_of_the_cells_around_a_guess():
+def test_mean_and_second_moments_are_those_of_the_squared_cells_around_the_peak():
     p, rng = empty(), np.random.default_rng(1)
-    p[7:12, 14:19, 0] = rng.uniform(0.0, 0.9, (5, 5))
+    p[5:12, 15:22, 0] = rng.uniform(0.0, 0.8, (7, 7))
+    p[8, 18] = 0.9
     (mean,), (covariance,), (peak,) = read(p, (16.0, 9.0))
-    v, u = np.mgrid[7:12, 14:19]
-    weights, cells = p[7:12, 14:19, 0].ravel(), np.stack([u.ravel(), v.ravel()])
+    v, u = np.mgrid[5:12, 15:22]
+    weights, cells = p[5:12, 15:22, 0].ravel() ** 2, np.stack([u.ravel(), v.ravel()])
     np.testing.assert_allclose(mean, np.average(cells, axis=1, weights=weights), atol=1e-5)
     np.testing.assert_allclose(covariance, np.cov(cells, aweights=weights, bias=True) + 0.05 * np.eye(2), atol=1e-5)
-    assert peak == pytest.approx(weights.max(), abs=1e-6)
+    assert peak == pytest.approx(0.9, abs=1e-6)
 
 
-def test_cells_farther_than_three_have_no_say():
+def test_cells_farther_than_three_from_the_peak_have_no_say():
     for du, dv in ((3, 0), (-3, 0), (0, 3), (0, -3), (4, 0), (-4, 0), (0, 4), (0, -4)):
         p = empty()
         p[9, 16], p[9 + dv, 16 + du] = 0.8, 0.8
@@ -44,15 +45,19 @@ def test_cells_farther_than_three_have_no_say():
 
 
 @pytest.mark.parametrize(("guess", "column"), [(15.49, 15), (15.5, 16), (16.49, 16)])
-def test_a_guess_belongs_to_the_nearest_cell(guess, column):
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_peak_is_searched_within_three_cells_of_the_one_nearest_to_the_guess(guess, column, side):
     p = empty()
-    p[9, [column - 3, column + 3]] = 0.5
-    ((u, v),), _, _ = read(p, (guess, 9.2))
-    assert (u, v) == pytest.approx((column, 9.0), abs=1e-4)
+    p[9, [column + 3 * side, column + 4 * side]] = [[0.5], [0.9]]
+    _, _, (peak,) = read(p, (guess, 9.2))
+    assert peak == pytest.approx(0.5, abs=1e-6)
+    p[9, column + 3 * side - side] = 0.6
+    _, _, (peak,) = read(p, (guess, 9.2))
+    assert peak == pytest.approx(0.6, abs=1e-6)
     q = empty()
-    q[[column - 6, column], 5] = 0.5
-    ((u, v),), _, _ = read(q, (5.3, guess - 3.0))
-    assert (u, v) == pytest.approx((5.0, column - 3.0), abs=1e-4)
+    q[[column + 3 * side - 5, column + 4 * side - 5], 5] = [[0.5], [0.9]]
+    _, _, (peak,) = read(q, (5.3, guess - 5.0))
+    assert peak == pytest.approx(0.5, abs=1e-6)
 
 
 def test_one_cell_is_known_as_finely_as_a_map_can_tell():
@@ -67,7 +72,7 @@ def test_each_point_has_a_map_of_its_own_and_those_at_the_border_the_cells_that_
     p = empty(2)
     p[0, 0, 0], p[2, 1, 0], p[19, 29, 1], p[18, 29, 1] = 0.6, 0.3, 0.4, 0.4
     means, covariances, peaks = read(p, (0.0, 0.0), (29.0, 19.0))
-    np.testing.assert_allclose(means, [[1.0 / 3.0, 2.0 / 3.0], [29.0, 18.5]], atol=1e-4)
+    np.testing.assert_allclose(means, [[0.2, 0.4], [29.0, 18.5]], atol=1e-4)
     np.testing.assert_allclose(peaks, [0.6, 0.4], atol=1e-5)
     assert covariances[1, 1, 1] == pytest.approx(0.25 + 0.05, abs=1e-3) and covariances[1, 0, 0] == pytest.approx(0.05, abs=1e-3)
 

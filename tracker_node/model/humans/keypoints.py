@@ -55,19 +55,19 @@ def _both_sides(rows: Mapping[str, LandmarkPoint]) -> dict[str, LandmarkPoint]:
 # Means and spreads over eight rendered people in clothes, both sides together, of a body of the default size; a point's place
 # relative to the joint's center of their skeletons (`benchmark/clothed/_fit.py`). Spreads are a quarter larger than measured.
 BLAZEPOSE: KeypointTable = {
-    "nose": LandmarkPoint("nose", (-0.024, 0.000, 0.005), (0.020, 0.016, 0.010)),
-    "left_ear": LandmarkPoint("nose", (-0.093, 0.050, 0.011), (0.010, 0.010, 0.010)),
-    "right_ear": LandmarkPoint("nose", (-0.093, -0.050, 0.011), (0.010, 0.010, 0.010)),
+    "nose": LandmarkPoint("nose", (-0.024, 0.000, 0.023), (0.019, 0.013, 0.010)),
+    "left_ear": LandmarkPoint("nose", (-0.094, 0.052, 0.029), (0.010, 0.010, 0.010)),
+    "right_ear": LandmarkPoint("nose", (-0.094, -0.052, 0.029), (0.010, 0.010, 0.010)),
     **_both_sides(
         {
-            "shoulder": LandmarkPoint("shoulder", (0.006, -0.007, 0.012), (0.015, 0.011, 0.013)),
-            "elbow": LandmarkPoint("elbow", (0.001, -0.005, 0.006), (0.018, 0.010, 0.015)),
-            "wrist": LandmarkPoint("wrist", (0.001, -0.018, -0.023), (0.010, 0.010, 0.019)),
-            "hip": LandmarkPoint("hip", (0.035, -0.016, -0.030), (0.020, 0.018, 0.021)),
-            "knee": LandmarkPoint("knee", (-0.022, -0.008, -0.011), (0.016, 0.015, 0.027)),
-            "ankle": LandmarkPoint("ankle", (0.013, -0.002, 0.014), (0.013, 0.010, 0.010)),
-            "heel": LandmarkPoint("heel", (0.028, -0.008, 0.001), (0.014, 0.016, 0.010)),
-            "foot_index": LandmarkPoint("big_toe", (0.027, 0.033, -0.025), (0.016, 0.020, 0.011)),
+            "shoulder": LandmarkPoint("shoulder", (0.004, -0.004, 0.027), (0.015, 0.011, 0.013)),
+            "elbow": LandmarkPoint("elbow", (0.007, 0.005, 0.017), (0.010, 0.010, 0.012)),
+            "wrist": LandmarkPoint("wrist", (0.007, -0.006, -0.019), (0.010, 0.010, 0.012)),
+            "hip": LandmarkPoint("hip", (0.033, -0.014, -0.014), (0.016, 0.018, 0.018)),
+            "knee": LandmarkPoint("knee", (-0.012, -0.003, -0.008), (0.012, 0.011, 0.025)),
+            "ankle": LandmarkPoint("ankle", (0.006, 0.002, 0.026), (0.010, 0.010, 0.010)),
+            "heel": LandmarkPoint("heel", (0.024, -0.005, 0.013), (0.011, 0.011, 0.010)),
+            "foot_index": LandmarkPoint("big_toe", (0.026, 0.032, -0.012), (0.015, 0.013, 0.010)),
         }
     ),
 }

@@ -36,9 +36,11 @@ _LEAST_PRESENCE = 0.5  # of a person in a crop
 _SAME_PERSON = 0.3  # overlap of two boxes (intersection over union) of one person
 _ROUNDS = 3  # of the detector, each without the people of those before: it hardly sees smaller ones beside a large one
 _MARGIN = 1.25  # of the crop around the circle
-# Errors of the points in cells have the variance `_SPREAD` m S where the second moments of a map are S, of mean m: one that
-# is twice as wide is four times as wrong. Measured on eight rendered people in clothes (`benchmark/clothed/_fit.py`)
-_SPREAD = 0.156
+_LEAST_PEAK = 0.3  # of a heat map that says where its point is; others leave it to the network's first guess
+# Errors of the points in cells have the variance `_SPREAD` m S / p^2 where the second moments of a map are S, of mean m, and its
+# peak p: one that is twice as wide is four times as wrong. On eight rendered people in clothes 0.09 describes the errors of one
+# image (`benchmark/clothed/_fit.py`); the next images err likewise, and joints are nearest where points weigh a third of that
+_SPREAD = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,12 +146,12 @@ class PointNetwork:
         points = values[:, :2].astype(np.float64) - 0.5
         n = len(points)
         cells, moments, peaks = np.empty((n, 2)), np.empty((n, 2, 2)), np.empty(n)
-        read_heat_maps(maps, (points - 0.5 * (_CELL - 1)) / _CELL, cells, moments, peaks)
-        refined = np.where(peaks[:, None] >= 0.5, cells * _CELL + 0.5 * (_CELL - 1), points)
+        read_heat_maps(maps, (points + 0.5) / _CELL, cells, moments, peaks)  # a cell is where its first pixel begins
+        refined = np.where(peaks[:, None] >= _LEAST_PEAK, cells * _CELL - 0.5, points)
         to_image = crop.to_image(_SIDE)
         A = to_image[:, :2]
         pixels = mapped(to_image, refined)
-        spreads = _SPREAD * 0.5 * np.trace(moments, axis1=1, axis2=2)
+        spreads = _SPREAD * 0.5 * np.trace(moments, axis1=1, axis2=2) / np.maximum(peaks, _LEAST_PEAK) ** 2
         covariances = _CELL**2 * (A @ (spreads[:, None, None] * moments) @ A.T)
         scores = 1.0 / (1.0 + np.exp(-values[:, 3].astype(np.float64)))
         silhouette = _silhouette(mask[:, :, 0], crop, image.shape[:2])
@@ -264,12 +266,14 @@ def _silhouette(logits: np.ndarray, crop: Crop, size: tuple[int, int]) -> Silhou
 
 
 _LEAST = 0.05  # cells^2: a map cannot tell a place more finely
-_REACH = 3  # cells around a point that have a say, on either side (as the network's own decoder does)
+_REACH = 3  # cells around the first guess in which the peak is searched, and around the peak that have a say, on either side
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def read_heat_maps(logits, points, means, covariances, peaks):
-    """Mean and second moments of each map around a first guess.
+    """Mean and second moments of the squares of each map, around its peak beside a first guess.
+
+    Squares, since the skirts of a map that is cut off would draw its mean to the middle of what is left.
 
     Parameters
     ----------
@@ -282,14 +286,18 @@ def read_heat_maps(logits, points, means, covariances, peaks):
     height, width, n = logits.shape
     for k in range(n):
         column, row = int(np.floor(points[k, 0] + 0.5)), int(np.floor(points[k, 1] + 0.5))
-        total, x, y, xx, xy, yy, peak = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        highest, top, left = np.float32(-np.inf), row, column
         for i in range(max(row - _REACH, 0), min(row + _REACH + 1, height)):
             for j in range(max(column - _REACH, 0), min(column + _REACH + 1, width)):
-                p = 1.0 / (1.0 + np.exp(-np.float64(logits[i, j, k])))
-                peak = max(peak, p)
+                if logits[i, j, k] > highest:
+                    highest, top, left = logits[i, j, k], i, j
+        peaks[k] = 1.0 / (1.0 + np.exp(-np.float64(highest)))
+        total, x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(max(top - _REACH, 0), min(top + _REACH + 1, height)):
+            for j in range(max(left - _REACH, 0), min(left + _REACH + 1, width)):
+                p = (1.0 / (1.0 + np.exp(-np.float64(logits[i, j, k])))) ** 2
                 total, x, y = total + p, x + p * j, y + p * i
                 xx, xy, yy = xx + p * j * j, xy + p * i * j, yy + p * i * i
-        peaks[k] = peak
         means[k, 0], means[k, 1] = points[k, 0], points[k, 1]
         covariances[k] = np.eye(2) * (_REACH * _REACH)
         if total > 0.0:
