@@ -111,6 +111,10 @@ class Solver(Fits, Protocol):
         """A state is handed over; whether it is to be taken as it is, with what has been learned."""
         return False
 
+    def support(self, state: State) -> float | None:
+        """Log-likelihood that the present images gain by a body in ``state``; None before one was tracked."""
+        return None
+
     def remember(self, fit: Fit, assessment: Assessment) -> None:
         """Take in how a fit was assessed.
 
@@ -206,6 +210,19 @@ class AnyEngine(Fits, Assesses, Finds, Protocol):
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         return None
 
+    def support(self, images: Images, state: State) -> float | None:
+        """How much speaks for a body somewhere, by what was learned while it was tracked.
+
+        Parameters
+        ----------
+        images, state : where the body may be in them.
+
+        Returns
+        -------
+        Log-likelihood that the images gain by it; None where nothing has been learned that could tell.
+        """
+        return None
+
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit: ...
 
     def learn(self, images: Images, state: State) -> None:
@@ -281,6 +298,10 @@ class Engine(AnyEngine):
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         return None if self.choice is None else self.choice.find(people, near)
 
+    def support(self, images: Images, state: State) -> float | None:
+        self.observe(images, state)
+        return self.solver.support(state)
+
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit the body by the engine's solver."""
         return self.solver.fit(start, first, prior)
@@ -342,6 +363,9 @@ class SequentialEngine(AnyEngine):
         """What the second sees depends on what the first has found, and is taken in `fit`."""
         self._images, self._delays, self._waiting = images, delays, expected is None
         self._first.observe(images, expected, delays)
+
+    def support(self, images: Images, state: State) -> float | None:
+        return self._second.support(images, state)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit by the first, then by the second."""

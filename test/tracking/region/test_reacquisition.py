@@ -94,8 +94,7 @@ def test_the_coarsest_lines_reach_a_body_that_has_moved_farther_than_fine_ones_d
     assert scales_tried(made, monkeypatch, away)[:2] == [(2.0, 1.0), (6.0, 2.0, 1.0)]
 
 
-@pytest.mark.parametrize("options", [{"limb_search.poses": 0}, {"region.scales": "4 1"}, {"modalities": ["region", "keypoints"]}])
+@pytest.mark.parametrize("options", [{"limb_search.poses": 0}, {"region.scales": "4 1"}])
 def test_all_lines_are_drawn_where_limbs_are_not_searched_or_there_are_two_scales(options):
-    """Also in sets without points, of a detector that is slower than the images."""
     made = contour_engine(SCENE.rig, SCENE.model, from_dict(options), {}, Workers(1))
     assert made.solver._scales == made.solver._all_scales

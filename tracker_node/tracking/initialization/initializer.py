@@ -30,6 +30,7 @@ from .parts import LimbAlternatives
 NOT_GIVEN = "no initial state has been given"
 _SURE = 0.6  # a start that covers so much of the evidence is taken whatever the engine says
 _WORSE = 0.08  # of that share, by which an engine may make a start worse
+_LONGEST_PAUSE = 8  # times that between two searches: one that fails again and again is too dear
 
 
 class Initializer:
@@ -71,7 +72,7 @@ class Initializer:
     def stop(self) -> None:
         """The search is over; what has moved is remembered, the memory of the search freed."""
         self._contest: Contest | None = None
-        self._pause = 0
+        self._pause = self._failed = 0
         if self._engine is not None or self._followers:
             self._engine, self._followers = None, []
             gc.collect()  # some hundred megabytes, in reference cycles
@@ -85,13 +86,16 @@ class Initializer:
         """Take in an image set in which nothing has to be found."""
         self._finder.watch(images)
 
-    def find(self, images: Images, image_set: ImageSet, around: State | None = None) -> tuple[Follower, TrackEstimate] | None:
+    def find(
+        self, images: Images, image_set: ImageSet, around: State | None = None, allowed: Callable[[State], bool] | None = None
+    ) -> tuple[Follower, TrackEstimate] | None:
         """Find the body; where that fails, ``problem`` says why, and the next few image sets are only watched.
 
         Parameters
         ----------
         images, image_set : BGR pixels of all cameras, and the set that they are of.
         around : where the body was last.
+        allowed : whether the body may be in a state; None: in any.
 
         Returns
         -------
@@ -107,11 +111,17 @@ class Initializer:
         starts = self._finder.find(images, around)
         self.problem = self._finder.problem
         if not starts:
-            self._pause = 0 if self._finder.watching else self._config.interval_sets
+            self._rest(self._finder.watching)
             return None
         states = self._chosen(starts, images, image_set)
+        if states and allowed is not None:
+            states = [state for state in states if allowed(state)]
+            if not states:
+                self._rest()
+                self.problem = "the colors that were learned speak against all poses that hold"
+                return None
         if not states:
-            self._pause = self._config.interval_sets
+            self._rest()
             covers = f"{100 * starts[0].score:.0f} % of what stands out"
             self.problem = f"the best of {len(starts)} poses does not hold; it covers {covers}"
             return None
@@ -119,6 +129,13 @@ class Initializer:
             self._followers.append(self._make_follower())
         self._contest = Contest(self._followers[: len(states)], states, self._config.tracked_sets)
         return self._continued(self._contest, image_set)
+
+    def _rest(self, watching: bool = False) -> None:
+        """Pause after a search that has found nothing, longer with each; not while too little has been seen for one."""
+        if watching:
+            return
+        self._pause = self._config.interval_sets * min(2**self._failed, _LONGEST_PAUSE)
+        self._failed += 1
 
     def _continued(self, contest: Contest, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
         found = contest.step(image_set)
@@ -129,7 +146,7 @@ class Initializer:
             return None
         self._contest = None
         if found[1].status is Status.LOST and found[0].log_ratio is not None:
-            self._pause = self._config.interval_sets
+            self._rest()
             self.problem = f"the best pose does not hold: {found[1].status_reason}"
             return None
         self._followers = [other for other in self._followers if other is not found[0]]

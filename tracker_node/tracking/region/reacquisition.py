@@ -117,7 +117,7 @@ class Reacquisition(Solver):
         self._all_scales = numbers(config.region.scales)
         self._search, self._pace = LimbSearch(model, judge, config.limb_search), _Pace(config.limb_search.interval_sets)
         self._scales = self._all_scales
-        if points is None and len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
+        if len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
             self._scales = self._all_scales[1:]  # coarse lines find a narrow limb on any stripe of its color
         self.reset()
 
@@ -138,6 +138,13 @@ class Reacquisition(Solver):
             return True
         self._forget()
         return False
+
+    def support(self, state: State) -> float | None:
+        """What the colors of the whole body gain; None before it was tracked."""
+        return None if self.tracked is None else float(self._area.gains(Poses.of([state]), self._everything())[0, 0])
+
+    def _everything(self) -> np.ndarray:
+        return np.ones(len(self._model.shapes), dtype=np.bool_)
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> LineFit:
         """A few Gauss-Newton steps on the lines of each scale, and searches for what they have not reached."""
@@ -208,8 +215,7 @@ class Reacquisition(Solver):
 
     def _better(self, other: LineFit, fit: LineFit) -> LineFit | None:
         """``other``, where the colors gain more by it than by ``fit``."""
-        everything = np.ones(len(self._model.shapes), dtype=np.bool_)
-        old, new = self._area.gains(Poses.of([fit.state, other.state]), everything)[:, 0]
+        old, new = self._area.gains(Poses.of([fit.state, other.state]), self._everything())[:, 0]
         return other if new > old else None
 
     def improved(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
