@@ -6,7 +6,6 @@ import pytest
 
 from helpers.cameras.render_scenes import LENSES, look_at
 from tracker_node.calibration.points.triangulation import reconstruct_point, repeatability
-from tracker_node.errors import CalibrationError
 
 EYES = ((2.0, 0.3, 1.2), (-0.6, 2.1, 1.0), (-1.5, -1.6, 1.4))
 RADIAL = [look_at(eye, (0.0, 0.0, 0.8), LENSES["radial"], f"cam{i}") for i, eye in enumerate(EYES)]
@@ -25,17 +24,16 @@ def opencv_pixels(cameras, point):
     return np.array(found)
 
 
-@pytest.mark.parametrize(("cameras", "method"), [(RADIAL, "lens"), (PLAIN, "lens"), (PLAIN, "dlt")])
-def test_exact_clicks_give_the_point_back(cameras, method):
-    found = reconstruct_point(cameras, opencv_pixels(cameras, POINT), method=method)
+@pytest.mark.parametrize("cameras", [RADIAL, PLAIN])
+def test_exact_clicks_give_the_point_back(cameras):
+    found = reconstruct_point(cameras, opencv_pixels(cameras, POINT))
     np.testing.assert_allclose(found.position_m, POINT, atol=1e-7)
     np.testing.assert_allclose(found.residuals_px, 0.0, atol=1e-4)
 
 
-@pytest.mark.parametrize("method", ["lens", "dlt"])
-def test_sigma_is_what_noisy_clicks_scatter_by(method):
+def test_sigma_is_what_noisy_clicks_scatter_by():
     rng, exact = np.random.default_rng(4), opencv_pixels(PLAIN, POINT)
-    found = [reconstruct_point(PLAIN, exact + 0.5 * rng.standard_normal(exact.shape), 0.5, method) for _ in range(400)]
+    found = [reconstruct_point(PLAIN, exact + 0.5 * rng.standard_normal(exact.shape), 0.5) for _ in range(400)]
     scatter = np.std([point.position_m for point in found], axis=0)
     np.testing.assert_allclose(scatter, found[0].sigma_m, rtol=0.15)
 
@@ -50,11 +48,6 @@ def test_two_views_leave_one_residual_and_one_view_no_point():
 def test_rays_that_part_have_no_point():
     pixels = opencv_pixels(PLAIN, POINT)
     assert reconstruct_point([PLAIN[0], PLAIN[0]], pixels[[0, 0]]) is None
-
-
-def test_dlt_refuses_a_distorted_lens_by_name():
-    with pytest.raises(CalibrationError, match=r"cam0.*distorted"):
-        reconstruct_point(RADIAL, opencv_pixels(RADIAL, POINT), method="dlt")
 
 
 def test_repeatability_is_the_noise_that_went_in():

@@ -15,7 +15,6 @@ from tracker_node.studio.digitize.click_store import ClickStore
 EYES = {"left": (2.0, 0.3, 1.2), "back": (-0.6, 2.1, 1.0), "right": (-1.5, -1.6, 1.4)}
 RIG = CameraRig(tuple(look_at(eye, (0.0, 0.0, 0.8), LENSES["radial"], name) for name, eye in EYES.items()))
 PLAIN_RIG = CameraRig(tuple(look_at(eye, (0.0, 0.0, 0.8), LENSES["plain"], name) for name, eye in EYES.items()))
-LENS = digitizing.ReconstructionOptions()
 
 
 def click_all(store, pass_name, stamp_ns, point, place, noise=(0.0, 0.0), rig=RIG):
@@ -78,7 +77,7 @@ def test_trajectories_are_truth_to_the_evaluation(tmp_path):
         click_all(store, "first", stamp, "left_knee", place - [0.0, 0.0, 0.3])
     for camera in ("left", "back"):  # one view only: no place
         store.set_click("first", 40_000_000, camera, "left_knee", None)
-    for path in digitizing.save_trajectories(RIG, store, LENS):
+    for path in digitizing.save_trajectories(RIG, store):
         truth = load_truth(path)
         assert truth.names == ("left_hip", "left_knee")
         np.testing.assert_array_equal(truth.stamps_ns, list(places))
@@ -92,7 +91,7 @@ def test_the_rate_of_a_trc_file_is_that_of_the_digitized_instants(tmp_path):
     digitized = {stamp: np.array([1e-10 * stamp, 0.1, 0.8]) for stamp in (0, 200_000_000, 400_000_000, 1_000_000_000)}
     for stamp, place in digitized.items():
         click_all(store, "first", stamp, "hip", place)
-    table, trc = digitizing.save_trajectories(RIG, store, LENS)
+    table, trc = digitizing.save_trajectories(RIG, store)
     np.testing.assert_array_equal(load_truth(table).stamps_ns, list(digitized))
     read = load_trc(trc)
     assert read.rate_hz == 5.0
@@ -106,7 +105,7 @@ def test_nothing_is_saved_beside_a_file_of_somebody_else(tmp_path):
     click_all(store, "first", 0, "hip", np.array([0.0, 0.1, 0.8]))
     (tmp_path / "joints.trc").write_text("theirs")
     with pytest.raises(FileFormatError, match=r"joints\.trc"):
-        digitizing.save_trajectories(RIG, store, LENS)
+        digitizing.save_trajectories(RIG, store)
     assert not (tmp_path / "joints.csv").exists()
 
 
@@ -117,10 +116,10 @@ def test_repeated_digitizing_tells_the_digitizers_noise(tmp_path):
             for camera in RIG:
                 seen = camera.project(np.array([0.0, 0.1, 0.8]))[0]
                 store.set_click(name, i, camera.name, "hip", seen + 0.6 * rng.standard_normal(2))
-    found = digitizing.repeatability_of(RIG, store, ("first", "second"), LENS)
+    found = digitizing.repeatability_of(RIG, store, ("first", "second"))
     assert found.freedom == 30 * 3 * 2 and found.freedom_3d == 30 * 3
     assert found.pixels == pytest.approx(0.6, rel=0.15)
-    (_, point) = digitizing.reconstruct(RIG, store.clicked("first", 0), digitizing.ReconstructionOptions(sigma_px=0.6))["hip"]
+    (_, point) = digitizing.reconstruct(RIG, store.clicked("first", 0), 0.6)["hip"]
     assert found.meters == pytest.approx(np.sqrt(np.mean(point.sigma_m**2)), rel=0.25)
 
 

@@ -12,7 +12,7 @@ from tracker_node.cli.main import main
 from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.rig.control_points import load_clicks, load_control_points
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
-from tracker_node.studio.digitize.digitizing import ReconstructionOptions, reconstruct
+from tracker_node.studio.digitize.digitizing import reconstruct
 
 pytestmark = pytest.mark.long  # a browser and a studio for each test
 
@@ -237,16 +237,6 @@ def test_the_second_time_begins_without_the_first_and_tells_how_well_one_repeats
     assert shown == pytest.approx(1.0, abs=0.4)  # 2 px apart along u only: 2 / sqrt 2 / sqrt 2
 
 
-def test_dlt_is_refused_for_distorted_lenses_in_words(desk):
-    studio, tab, hands, _ = desk
-    hands.open(studio.page("digitizing.html"))
-    hands.add_point("knee")
-    hands.click_all(PLACE)
-    hands.wait_for("#coordinates", "x")
-    tab.page.select_option("#method", "dlt")
-    hands.wait_for("#place", "distorted")
-
-
 def test_control_points_become_a_file_for_calibrate_dlt(tmp_path):
     rig = make_rig(tmp_path, "plain")
     rng = np.random.default_rng(1)
@@ -271,7 +261,7 @@ def test_control_points_become_a_file_for_calibrate_dlt(tmp_path):
     assert main(["calibrate", "dlt", *arguments]) == 0
     by_hand = load_rig(tmp_path / "dlt.yaml")
     seen_again = {camera.name: {"p": camera.project(PLACE)[0]} for camera in rig}
-    (_, found) = reconstruct(by_hand, seen_again, ReconstructionOptions("dlt"))["p"]
+    (_, found) = reconstruct(by_hand, seen_again)["p"]
     assert np.linalg.norm(found.position_m - PLACE) < 0.01
 
 

@@ -35,7 +35,6 @@ FIELDS = {
     "point": st.sampled_from(["hip", "corner", "no such"]),
     "camera": st.sampled_from(["a", "b", "c"]),
     "pixel": st.one_of(st.none(), st.tuples(st.floats(-5.0, 200.0), st.floats(-5.0, 200.0)).map(list)),
-    "method": st.sampled_from(["lens", "dlt"]),
     "sigma_px": st.floats(1e-3, 1e3),
     "constraint": st.sampled_from(["square", "none"]),
     "name": st.text(max_size=6),

@@ -1,7 +1,7 @@
 """Points in space from their pixels in several calibrated cameras.
 
 `triangulate` is linear and quick. `reconstruct_point` minimizes the squared distances in the images, with the lenses of the rig,
-and gives a covariance; cameras without distortion can also be used by their eleven parameters (`dlt.reconstruct`).
+and gives a covariance.
 """
 
 from __future__ import annotations
@@ -13,12 +13,8 @@ import numpy as np
 
 from ...camera.model import CameraModel
 from ...camera.rig import Camera
-from ...errors import CalibrationError
 from ...geometry import se3
-from .dlt import dlt_parameters
-from .dlt import reconstruct as reconstruct_by_parameters
 
-METHODS = ("lens", "dlt")
 _ITERATIONS = 10
 _SMALLEST_STEP_M = 1e-9
 
@@ -107,9 +103,7 @@ class ReconstructedPoint:
         return float(np.sqrt((self.residuals_px**2).sum(axis=1).mean()))
 
 
-def reconstruct_point(
-    cameras: Sequence[Camera], pixels: np.ndarray, sigma_px: float = 1.0, method: str = "lens"
-) -> ReconstructedPoint | None:
+def reconstruct_point(cameras: Sequence[Camera], pixels: np.ndarray, sigma_px: float = 1.0) -> ReconstructedPoint | None:
     """The point that cameras show at given pixels.
 
     Parameters
@@ -117,48 +111,20 @@ def reconstruct_point(
     cameras : n of them.
     pixels : (n, 2).
     sigma_px : standard deviation of a click along u and v.
-    method : "lens", or "dlt" for the eleven parameters of cameras without distortion.
 
     Returns
     -------
     The point; None for fewer than two cameras, or where their rays do not meet in front of all of them.
-
-    Raises
-    ------
-    CalibrationError : "dlt" for a camera with a distorted lens, or one without parameters.
     """
-    if method not in METHODS:
-        raise ValueError(f"expected a method of {METHODS}, got {method!r}")
     pixels = np.asarray(pixels, dtype=np.float64)
     if len(cameras) < 2:
         return None
-    position = _by_parameters(cameras, pixels) if method == "dlt" else _by_lenses(cameras, pixels)
-    if position is None:
-        return None
-    found = _linearized(cameras, position)
-    if found is None:
-        return None
-    seen, jacobian = found
-    return ReconstructedPoint(position, pixels - seen, sigma_px**2 * np.linalg.inv(jacobian.T @ jacobian))
-
-
-def _by_parameters(cameras: Sequence[Camera], pixels: np.ndarray) -> np.ndarray | None:
-    for camera in cameras:
-        if np.any(camera.model.distortion != 0.0):
-            raise CalibrationError(camera.name, "its lens is distorted, which DLT parameters do not know; use method 'lens'")
-    parameters = np.array([dlt_parameters(camera) for camera in cameras])
-    points, _ = reconstruct_by_parameters(parameters, pixels[None], np.ones((1, len(cameras))))
-    return points[0]
-
-
-def _by_lenses(cameras: Sequence[Camera], pixels: np.ndarray) -> np.ndarray | None:
-    """Gauss-Newton from where the rays come nearest to each other."""
     poses = np.array([camera.T_world_cam for camera in cameras])
     points, valid = triangulate([camera.model for camera in cameras], poses, pixels[None], np.ones((1, len(cameras))))
     if not valid[0]:
         return None
     position = points[0]
-    for _ in range(_ITERATIONS):
+    for _ in range(_ITERATIONS):  # of Gauss-Newton, from where the rays come nearest to each other
         found = _linearized(cameras, position)
         if found is None:
             return None
@@ -167,7 +133,11 @@ def _by_lenses(cameras: Sequence[Camera], pixels: np.ndarray) -> np.ndarray | No
         position = position + step
         if np.linalg.norm(step) < _SMALLEST_STEP_M:
             break
-    return position
+    found = _linearized(cameras, position)
+    if found is None:
+        return None
+    seen, jacobian = found
+    return ReconstructedPoint(position, pixels - seen, sigma_px**2 * np.linalg.inv(jacobian.T @ jacobian))
 
 
 def _linearized(cameras: Sequence[Camera], position: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

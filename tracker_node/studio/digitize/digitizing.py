@@ -21,16 +21,8 @@ from .click_store import Clicked, ClickStore
 JOINTS_FILE, TRC_FILE = "joints.csv", "joints.trc"
 
 
-@dataclass(frozen=True)
-class ReconstructionOptions:
-    """How points are reconstructed: see `calibration.points.triangulation`."""
-
-    name: str = "lens"
-    sigma_px: float = 1.0
-
-
 def reconstruct(
-    rig: CameraRig, clicked: Clicked, method: ReconstructionOptions
+    rig: CameraRig, clicked: Clicked, sigma_px: float = 1.0
 ) -> dict[str, tuple[tuple[str, ...], ReconstructedPoint]]:
     """Places of all points that two cameras or more show.
 
@@ -38,21 +30,17 @@ def reconstruct(
     ----------
     rig : all cameras.
     clicked : clicks on the images of one set.
-    method : how places are found.
+    sigma_px : standard deviation of a click along u and v.
 
     Returns
     -------
     Point -> the cameras that show it, and its place.
-
-    Raises
-    ------
-    CalibrationError : the method does not suit a camera.
     """
     found = {}
     for point in dict.fromkeys(point for points in clicked.values() for point in points):
         names = tuple(camera.name for camera in rig if point in clicked.get(camera.name, {}))
         pixels = np.array([clicked[name][point] for name in names])
-        result = reconstruct_point([rig[name] for name in names], pixels, method.sigma_px, method.name)
+        result = reconstruct_point([rig[name] for name in names], pixels, sigma_px)
         if result is not None:
             found[point] = names, result
     return found
@@ -74,7 +62,7 @@ class Repeatability:
     freedom_3d: int
 
 
-def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...], method: ReconstructionOptions) -> Repeatability:
+def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...]) -> Repeatability:
     """How well whoever has clicked would do so again.
 
     Parameters
@@ -82,7 +70,6 @@ def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...],
     rig : all cameras.
     store : the clicks.
     passes : names of the passes that are compared.
-    method : how places are found.
 
     Returns
     -------
@@ -94,7 +81,7 @@ def repeatability_of(rig: CameraRig, store: ClickStore, passes: tuple[str, ...],
         pixels += [p for points in store.repeated(stamp_ns).values() for p in points.values()]
         by_point: dict[str, list[np.ndarray]] = {}
         for name in passes:
-            for point, (_, found) in reconstruct(rig, store.clicked(name, stamp_ns), method).items():
+            for point, (_, found) in reconstruct(rig, store.clicked(name, stamp_ns)).items():
                 by_point.setdefault(point, []).append(found.position_m)
         places += [np.array(positions) for positions in by_point.values()]
     return Repeatability(*repeatability(pixels), *repeatability(places))
@@ -154,10 +141,10 @@ def _object_errors(cameras: list, seen: Mapping[str, ControlPoints]) -> np.ndarr
     return object_errors_m(cameras, np.array(list(places.values())), pixels, weights)
 
 
-def _trajectories(rig: CameraRig, store: ClickStore, method: ReconstructionOptions) -> JointTrajectory:
+def _trajectories(rig: CameraRig, store: ClickStore) -> JointTrajectory:
     """Every point in every image set, from the mean of the passes; not valid where fewer than two cameras show it."""
     stamps = store.stamps_ns()
-    found = [reconstruct(rig, store.mean_clicks(stamp_ns), method) for stamp_ns in stamps]
+    found = [reconstruct(rig, store.mean_clicks(stamp_ns)) for stamp_ns in stamps]
     names = tuple(dict.fromkeys(name for of_set in found for name in of_set))
     positions, valid = np.zeros((len(stamps), len(names), 3)), np.zeros((len(stamps), len(names)), dtype=bool)
     for i, of_set in enumerate(found):
@@ -166,7 +153,7 @@ def _trajectories(rig: CameraRig, store: ClickStore, method: ReconstructionOptio
     return JointTrajectory(names, np.array(stamps, dtype=np.int64), positions, valid)
 
 
-def save_trajectories(rig: CameraRig, store: ClickStore, method: ReconstructionOptions) -> list[Path]:
+def save_trajectories(rig: CameraRig, store: ClickStore) -> list[Path]:
     """Write ``joints.csv`` and ``joints.trc`` (y up) into the folder of the clicks.
 
     A TRC file has one rate, that of the digitized image sets; those that were left out among them are rows without places.
@@ -175,7 +162,6 @@ def save_trajectories(rig: CameraRig, store: ClickStore, method: ReconstructionO
     ----------
     rig : all cameras.
     store : the clicks, whose folder is written to.
-    method : how places are found.
 
     Returns
     -------
@@ -185,7 +171,7 @@ def save_trajectories(rig: CameraRig, store: ClickStore, method: ReconstructionO
     ------
     FileFormatError : a file of that name that is not ours to replace.
     """
-    found = _trajectories(rig, store, method)
+    found = _trajectories(rig, store)
     if not found.names:
         return []
     seen = found.valid.any(axis=1)

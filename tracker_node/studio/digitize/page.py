@@ -12,9 +12,8 @@ import numpy as np
 from starlette.routing import BaseRoute
 
 from ...calibration.points.dlt import CONSTRAINTS
-from ...calibration.points.triangulation import METHODS
 from ...camera.rig import CameraRig, epipolar_curve
-from ...errors import CalibrationError, FileFormatError, UnknownNameError
+from ...errors import FileFormatError, UnknownNameError
 from ...loaders.file_model import FileModel, PositiveNumber, numbers
 from ...loaders.json_values import finite
 from ...loaders.rig.control_points import load_places
@@ -32,7 +31,6 @@ class Asked(FileModel):
     set: int
     sheet: Literal["first", "second", "third", "control"]
     point: str = ""
-    method: Literal["lens", "dlt"] = "lens"
     sigma_px: PositiveNumber = 1.0
     constraint: Literal["none", "no_skew", "square", "centered"] = "square"
 
@@ -105,7 +103,6 @@ class DigitizePage:
                 "places": {name: place.tolist() for name, place in self._store.places.items()},
                 "counts": [self._store.count(s.stamp_ns) for s in sets],
                 "passes": PASSES,
-                "methods": METHODS,
                 "constraints": list(CONSTRAINTS),
             }
 
@@ -157,20 +154,16 @@ class DigitizePage:
     def repeatability(self, asked: Asked) -> dict[str, Any]:
         """How well whoever has clicked would do so again."""
         with self._lock:
-            found = digitizing.repeatability_of(self._rig, self._store, PASSES, _method(asked))
+            found = digitizing.repeatability_of(self._rig, self._store, PASSES)
         return {name: finite(value) for name, value in vars(found).items()}
 
     def save(self, asked: Asked) -> dict[str, Any]:
         """Trajectories into the folder of the clicks."""
         with self._lock:
-            written = digitizing.save_trajectories(self._rig, self._own_store, _method(asked))
+            written = digitizing.save_trajectories(self._rig, self._own_store)
         return {"written": [str(path) for path in written]}
 
     def _point_sheet(self, asked: Asked, clicked: Clicked) -> dict[str, Any]:
-        try:
-            found = digitizing.reconstruct(self._rig, clicked, _method(asked))
-        except CalibrationError as error:
-            return {"points": {}, "problem": str(error)}
         points = {
             name: {
                 "position": point.position_m.tolist(),
@@ -179,9 +172,9 @@ class DigitizePage:
                 "residuals": dict(zip(cameras, point.residuals_px.tolist(), strict=True)),
                 "seen": self._seen(point.position_m),
             }
-            for name, (cameras, point) in found.items()
+            for name, (cameras, point) in digitizing.reconstruct(self._rig, clicked, asked.sigma_px).items()
         }
-        return {"points": points, "problem": ""}
+        return {"points": points}
 
     def _control_sheet(self, asked: Asked) -> dict[str, Any]:
         assessments, errors = digitizing.judge_control(self._rig, self._store.control_points(), asked.constraint)
@@ -211,10 +204,6 @@ class DigitizePage:
             {"of": a.name, "in": b.name, "pixels": np.round(epipolar_curve(a, clicked[a.name][point], b), 2).tolist()}
             for a, b in pairs
         ]
-
-
-def _method(asked: Asked) -> digitizing.ReconstructionOptions:
-    return digitizing.ReconstructionOptions(asked.method, asked.sigma_px)
 
 
 def _listed(clicked: Clicked) -> dict[str, dict[str, list[float]]]:

@@ -78,7 +78,7 @@ function alone(view) {
 function asked() {
   const sigma = Number(byId("sigma").value);
   return {
-    set: state.set, sheet: state.sheet, point: state.point, method: byId("method").value,
+    set: state.set, sheet: state.sheet, point: state.point,
     sigma_px: sigma > 0 ? sigma : 1, constraint: byId("constraint").value,
   };
 }
@@ -249,7 +249,7 @@ function listen() {
   byId("set").oninput = (event) => showSet(Number(event.target.value));
   byId("sheet").onchange = (event) => { event.target.blur(); chooseSheet(event.target.value); };
   byId("then").onchange = (event) => event.target.blur();
-  byId("method").onchange = byId("constraint").onchange = (event) => { event.target.blur(); refresh(); };
+  byId("constraint").onchange = (event) => { event.target.blur(); refresh(); };
   byId("sigma").onchange = () => refresh();
   byId("lines").onchange = (event) => { state.showLines = event.target.checked; redraw(); };
   byId("expected").onchange = (event) => { state.showExpected = event.target.checked; redraw(); };

@@ -59,7 +59,6 @@ function showViews(state, control) {
 }
 
 function place(state) {
-  if (state.answer?.problem) return [make("span", { class: "bad" }, state.answer.problem)];
   const found = state.answer?.points[state.point];
   const views = state.cameras.filter((camera) => state.answer?.clicks[camera.name]?.[state.point]).length;
   if (!found) return state.point ? [make("span", { class: "soft" }, views > 1 ? "the rays do not meet" : "two views make a place")] : [];
