@@ -23,6 +23,7 @@ from ..normal_equations import NormalEquations
 from . import alignment_kernels as sums
 from . import drawing as kernel
 from .any_shapes import linearize_with_cast
+from .score_kernels import form_of
 from .views import ColorConstants, ColorViews, every_nth
 
 _WORTH_THREADS = 8000  # pixels: with fewer, handing work to a thread takes longer than the work
@@ -36,14 +37,12 @@ class PhotometricOptions:
     ----------
     representation, normalized_weight, min_pixels : as in `score.ColorOptions`.
     levels : of the pyramid; level 0 is the image, each next one has half its width and height.
-    robust_scale : gray levels at which a pixel (the root of its summed squares) begins to count as something else; 0: never.
     """
 
     representation: str = "raw"
     normalized_weight: float = 0.5
     min_pixels: int = 30
     levels: int = 4
-    robust_scale: float = 0.0
 
 
 class PhotometricObjective:
@@ -104,13 +103,10 @@ class _Level:
         options, model = owner.options, owner.model
         self.constants = ColorConstants(model, rig, options.representation, options.normalized_weight, owner.colors_rgb)
         constants = self.constants
-        self.weights = np.array([*constants.weights, 0.0], dtype=np.float32)
-        if options.robust_scale > 0.0:
-            self.weights[2] = 1.0 / options.robust_scale**2
-        self.form = sums.form_of(
-            constants.n_directional, constants.n_spots, constants.weights[0] > 0, constants.weights[1] > 0,
-            options.robust_scale > 0,
-        )  # fmt: skip
+        self.weights = np.array(constants.weights, dtype=np.float32)
+        self.form = form_of(
+            constants.n_directional, constants.n_spots, False, constants.weights[0] > 0, constants.weights[1] > 0
+        )
         n = len(model.shapes)
         self.used = np.ones(n, dtype=np.bool_)
         self.work = [

@@ -58,19 +58,39 @@ def _row(gx, gy, x, y, w, sx, sy, sz):
     )  # fmt: skip
 
 
-def form_of(n_directional: int, n_spots: int, raw: bool, normalized: bool, robust: bool) -> tuple:
-    """What the kernel is compiled for.
-
-    Parameters
-    ----------
-    n_directional, n_spots, raw, normalized : see `score_kernels.form_of`.
-    robust : weigh a pixel by 1 / (1 + e^2 / s^2)^2, e^2 the sum of its squared residuals (Geman-McClure).
-
-    Returns
-    -------
-    Tuples whose lengths are the arguments: lengths are part of a compiled function's types.
-    """
-    return tuple((0,) * int(n) for n in (n_directional, n_spots, raw, normalized, robust))
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def _add_rows(lanes, i, weight, r, g, b, er, eg, eb):
+    """Add the residuals of the three channels at a pixel, each with its row of the Jacobian, to lane ``i``."""
+    r0, r1, r2, r3, r4, r5 = r
+    g0, g1, g2, g3, g4, g5 = g
+    b0, b1, b2, b3, b4, b5 = b
+    lanes[_AT[0] + i] += weight * (r0 * r0 + g0 * g0 + b0 * b0)
+    lanes[_AT[1] + i] += weight * (r0 * r1 + g0 * g1 + b0 * b1)
+    lanes[_AT[2] + i] += weight * (r0 * r2 + g0 * g2 + b0 * b2)
+    lanes[_AT[3] + i] += weight * (r0 * r3 + g0 * g3 + b0 * b3)
+    lanes[_AT[4] + i] += weight * (r0 * r4 + g0 * g4 + b0 * b4)
+    lanes[_AT[5] + i] += weight * (r0 * r5 + g0 * g5 + b0 * b5)
+    lanes[_AT[6] + i] += weight * (r1 * r1 + g1 * g1 + b1 * b1)
+    lanes[_AT[7] + i] += weight * (r1 * r2 + g1 * g2 + b1 * b2)
+    lanes[_AT[8] + i] += weight * (r1 * r3 + g1 * g3 + b1 * b3)
+    lanes[_AT[9] + i] += weight * (r1 * r4 + g1 * g4 + b1 * b4)
+    lanes[_AT[10] + i] += weight * (r1 * r5 + g1 * g5 + b1 * b5)
+    lanes[_AT[11] + i] += weight * (r2 * r2 + g2 * g2 + b2 * b2)
+    lanes[_AT[12] + i] += weight * (r2 * r3 + g2 * g3 + b2 * b3)
+    lanes[_AT[13] + i] += weight * (r2 * r4 + g2 * g4 + b2 * b4)
+    lanes[_AT[14] + i] += weight * (r2 * r5 + g2 * g5 + b2 * b5)
+    lanes[_AT[15] + i] += weight * (r3 * r3 + g3 * g3 + b3 * b3)
+    lanes[_AT[16] + i] += weight * (r3 * r4 + g3 * g4 + b3 * b4)
+    lanes[_AT[17] + i] += weight * (r3 * r5 + g3 * g5 + b3 * b5)
+    lanes[_AT[18] + i] += weight * (r4 * r4 + g4 * g4 + b4 * b4)
+    lanes[_AT[19] + i] += weight * (r4 * r5 + g4 * g5 + b4 * b5)
+    lanes[_AT[20] + i] += weight * (r5 * r5 + g5 * g5 + b5 * b5)
+    lanes[_AT[21] + i] += weight * (r0 * er + g0 * eg + b0 * eb)
+    lanes[_AT[22] + i] += weight * (r1 * er + g1 * eg + b1 * eb)
+    lanes[_AT[23] + i] += weight * (r2 * er + g2 * eg + b2 * eb)
+    lanes[_AT[24] + i] += weight * (r3 * er + g3 * eg + b3 * eb)
+    lanes[_AT[25] + i] += weight * (r4 * er + g4 * eg + b4 * eb)
+    lanes[_AT[26] + i] += weight * (r5 * er + g5 * eg + b5 * eb)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -90,7 +110,7 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
     cx, cy, cz = surface[CAP], surface[CAP + 1], surface[CAP + 2]
     red, green, blue = surface[COLOR], surface[COLOR + 1], surface[COLOR + 2]
     base_r, base_g, base_b = base[0], base[1], base[2]
-    raw_weight, normalized_weight, inverse_scale_sq = weights[0], weights[1], weights[2]
+    raw_weight, normalized_weight = weights[0], weights[1]
     tag, low_bits = np.int32(label), np.int32(LABEL_BITS)
     distorted, width, height = view[DISTORTED], view[WIDTH], view[HEIGHT]
     size = width * height
@@ -99,7 +119,7 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
     table_row = width + LANES
     last_column = min(box[2], width - 1)
     n_directional, n_lights = len(form[0]), len(form[0]) + len(form[1])
-    raw, normalized, robust = len(form[2]) > 0, len(form[3]) > 0, len(form[4]) > 0
+    raw, normalized = len(form[3]) > 0, len(form[4]) > 0
     for v in range(max(box[1], 1), min(box[3], height - 1)):
         x_start = view[XS] + v * table_row * distorted
         y_start = view[YS] + v * (table_row if distorted else LANES)
@@ -213,69 +233,16 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
                     m0, m1, m2, m3, m4, m5 = _row(ugn, vgn, xn, yn, w, _ZERO, _ZERO, _ZERO)
                     ubn, vbn = in_image * (ub - tb * su), in_image * (vb - tb * sv)
                     p0, p1, p2, p3, p4, p5 = _row(ubn, vbn, xn, yn, w, _ZERO, _ZERO, _ZERO)
-                weight = own
-                if robust:
-                    shrink = _ONE / (_ONE + square * inverse_scale_sq)
-                    weight = own * shrink * shrink
-                    square = square * shrink
                 if raw:
-                    weight_raw = weight * raw_weight
-                    lanes[_AT[0] + i] += weight_raw * (r0 * r0 + g0 * g0 + b0 * b0)
-                    lanes[_AT[1] + i] += weight_raw * (r0 * r1 + g0 * g1 + b0 * b1)
-                    lanes[_AT[2] + i] += weight_raw * (r0 * r2 + g0 * g2 + b0 * b2)
-                    lanes[_AT[3] + i] += weight_raw * (r0 * r3 + g0 * g3 + b0 * b3)
-                    lanes[_AT[4] + i] += weight_raw * (r0 * r4 + g0 * g4 + b0 * b4)
-                    lanes[_AT[5] + i] += weight_raw * (r0 * r5 + g0 * g5 + b0 * b5)
-                    lanes[_AT[6] + i] += weight_raw * (r1 * r1 + g1 * g1 + b1 * b1)
-                    lanes[_AT[7] + i] += weight_raw * (r1 * r2 + g1 * g2 + b1 * b2)
-                    lanes[_AT[8] + i] += weight_raw * (r1 * r3 + g1 * g3 + b1 * b3)
-                    lanes[_AT[9] + i] += weight_raw * (r1 * r4 + g1 * g4 + b1 * b4)
-                    lanes[_AT[10] + i] += weight_raw * (r1 * r5 + g1 * g5 + b1 * b5)
-                    lanes[_AT[11] + i] += weight_raw * (r2 * r2 + g2 * g2 + b2 * b2)
-                    lanes[_AT[12] + i] += weight_raw * (r2 * r3 + g2 * g3 + b2 * b3)
-                    lanes[_AT[13] + i] += weight_raw * (r2 * r4 + g2 * g4 + b2 * b4)
-                    lanes[_AT[14] + i] += weight_raw * (r2 * r5 + g2 * g5 + b2 * b5)
-                    lanes[_AT[15] + i] += weight_raw * (r3 * r3 + g3 * g3 + b3 * b3)
-                    lanes[_AT[16] + i] += weight_raw * (r3 * r4 + g3 * g4 + b3 * b4)
-                    lanes[_AT[17] + i] += weight_raw * (r3 * r5 + g3 * g5 + b3 * b5)
-                    lanes[_AT[18] + i] += weight_raw * (r4 * r4 + g4 * g4 + b4 * b4)
-                    lanes[_AT[19] + i] += weight_raw * (r4 * r5 + g4 * g5 + b4 * b5)
-                    lanes[_AT[20] + i] += weight_raw * (r5 * r5 + g5 * g5 + b5 * b5)
-                    lanes[_AT[21] + i] += weight_raw * (r0 * er + g0 * eg + b0 * eb)
-                    lanes[_AT[22] + i] += weight_raw * (r1 * er + g1 * eg + b1 * eb)
-                    lanes[_AT[23] + i] += weight_raw * (r2 * er + g2 * eg + b2 * eb)
-                    lanes[_AT[24] + i] += weight_raw * (r3 * er + g3 * eg + b3 * eb)
-                    lanes[_AT[25] + i] += weight_raw * (r4 * er + g4 * eg + b4 * eb)
-                    lanes[_AT[26] + i] += weight_raw * (r5 * er + g5 * eg + b5 * eb)
+                    _add_rows(
+                        lanes, i, own * raw_weight, (r0, r1, r2, r3, r4, r5), (g0, g1, g2, g3, g4, g5), (b0, b1, b2, b3, b4, b5),
+                        er, eg, eb,
+                    )  # fmt: skip
                 if normalized:
-                    weight_normalized = weight * normalized_weight
-                    lanes[_AT[0] + i] += weight_normalized * (k0 * k0 + m0 * m0 + p0 * p0)
-                    lanes[_AT[1] + i] += weight_normalized * (k0 * k1 + m0 * m1 + p0 * p1)
-                    lanes[_AT[2] + i] += weight_normalized * (k0 * k2 + m0 * m2 + p0 * p2)
-                    lanes[_AT[3] + i] += weight_normalized * (k0 * k3 + m0 * m3 + p0 * p3)
-                    lanes[_AT[4] + i] += weight_normalized * (k0 * k4 + m0 * m4 + p0 * p4)
-                    lanes[_AT[5] + i] += weight_normalized * (k0 * k5 + m0 * m5 + p0 * p5)
-                    lanes[_AT[6] + i] += weight_normalized * (k1 * k1 + m1 * m1 + p1 * p1)
-                    lanes[_AT[7] + i] += weight_normalized * (k1 * k2 + m1 * m2 + p1 * p2)
-                    lanes[_AT[8] + i] += weight_normalized * (k1 * k3 + m1 * m3 + p1 * p3)
-                    lanes[_AT[9] + i] += weight_normalized * (k1 * k4 + m1 * m4 + p1 * p4)
-                    lanes[_AT[10] + i] += weight_normalized * (k1 * k5 + m1 * m5 + p1 * p5)
-                    lanes[_AT[11] + i] += weight_normalized * (k2 * k2 + m2 * m2 + p2 * p2)
-                    lanes[_AT[12] + i] += weight_normalized * (k2 * k3 + m2 * m3 + p2 * p3)
-                    lanes[_AT[13] + i] += weight_normalized * (k2 * k4 + m2 * m4 + p2 * p4)
-                    lanes[_AT[14] + i] += weight_normalized * (k2 * k5 + m2 * m5 + p2 * p5)
-                    lanes[_AT[15] + i] += weight_normalized * (k3 * k3 + m3 * m3 + p3 * p3)
-                    lanes[_AT[16] + i] += weight_normalized * (k3 * k4 + m3 * m4 + p3 * p4)
-                    lanes[_AT[17] + i] += weight_normalized * (k3 * k5 + m3 * m5 + p3 * p5)
-                    lanes[_AT[18] + i] += weight_normalized * (k4 * k4 + m4 * m4 + p4 * p4)
-                    lanes[_AT[19] + i] += weight_normalized * (k4 * k5 + m4 * m5 + p4 * p5)
-                    lanes[_AT[20] + i] += weight_normalized * (k5 * k5 + m5 * m5 + p5 * p5)
-                    lanes[_AT[21] + i] += weight_normalized * (k0 * fr + m0 * fg + p0 * fb)
-                    lanes[_AT[22] + i] += weight_normalized * (k1 * fr + m1 * fg + p1 * fb)
-                    lanes[_AT[23] + i] += weight_normalized * (k2 * fr + m2 * fg + p2 * fb)
-                    lanes[_AT[24] + i] += weight_normalized * (k3 * fr + m3 * fg + p3 * fb)
-                    lanes[_AT[25] + i] += weight_normalized * (k4 * fr + m4 * fg + p4 * fb)
-                    lanes[_AT[26] + i] += weight_normalized * (k5 * fr + m5 * fg + p5 * fb)
+                    _add_rows(
+                        lanes, i, own * normalized_weight, (k0, k1, k2, k3, k4, k5), (m0, m1, m2, m3, m4, m5),
+                        (p0, p1, p2, p3, p4, p5), fr, fg, fb,
+                    )  # fmt: skip
                 lanes[_AT[SQUARES] + i] += own * square
                 lanes[_AT[PIXELS] + i] += own
     for k in range(N_SUMS):
@@ -291,12 +258,12 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_sha
 
     Parameters
     ----------
-    form : of `form_of`.
+    form : of `score_kernels.form_of`.
     shapes : kinds, dims, used (n,), colors (n, 3).
     camera : params, limits, T_cam_world, gain, base.
     pixels : view, rays, planes.
     lights : packed, those with a direction.
-    weights : of the raw and the normalized difference, and 1 / s^2 of the robust kernel.
+    weights : of the raw and the normalized difference.
     Ts_world_shape : (n, 4, 4).
     work : coefficients, surfaces, boxes, spans, lights in camera axes, buffer, lanes.
     sums : (n, `N_SUMS`), overwritten.

@@ -93,36 +93,14 @@ def _turning_light(lights, channel, x, y, z, nx, ny, nz):
 
 
 @pixel_function
-def _add(sums, s, weight, e, j0, j1, j2, j3, j4, j5):
-    """Add one residual ``e`` with its row of the Jacobian to the sums of a shape, in the layout of `alignment_kernels`."""
-    sums[s, 0] += weight * j0 * j0
-    sums[s, 1] += weight * j0 * j1
-    sums[s, 2] += weight * j0 * j2
-    sums[s, 3] += weight * j0 * j3
-    sums[s, 4] += weight * j0 * j4
-    sums[s, 5] += weight * j0 * j5
-    sums[s, 6] += weight * j1 * j1
-    sums[s, 7] += weight * j1 * j2
-    sums[s, 8] += weight * j1 * j3
-    sums[s, 9] += weight * j1 * j4
-    sums[s, 10] += weight * j1 * j5
-    sums[s, 11] += weight * j2 * j2
-    sums[s, 12] += weight * j2 * j3
-    sums[s, 13] += weight * j2 * j4
-    sums[s, 14] += weight * j2 * j5
-    sums[s, 15] += weight * j3 * j3
-    sums[s, 16] += weight * j3 * j4
-    sums[s, 17] += weight * j3 * j5
-    sums[s, 18] += weight * j4 * j4
-    sums[s, 19] += weight * j4 * j5
-    sums[s, 20] += weight * j5 * j5
-    weight *= e
-    sums[s, GRADIENT] += weight * j0
-    sums[s, GRADIENT + 1] += weight * j1
-    sums[s, GRADIENT + 2] += weight * j2
-    sums[s, GRADIENT + 3] += weight * j3
-    sums[s, GRADIENT + 4] += weight * j4
-    sums[s, GRADIENT + 5] += weight * j5
+def _add(sums, s, weight, e, row):
+    """Add one residual ``e`` with its ``row`` of the Jacobian to the sums of a shape, in the layout of `alignment_kernels`."""
+    k = 0
+    for i in range(6):
+        for j in range(i, 6):
+            sums[s, k] += weight * row[i] * row[j]
+            k += 1
+        sums[s, GRADIENT + i] += weight * e * row[i]
 
 
 @pixel_loop
@@ -158,9 +136,7 @@ def _linearize_any(
             in_model, in_image = _FULL / max(r + g + b, _ONE), _FULL / max(tr + tg + tb, _ONE)
             er, eg, eb = r - tr, g - tg, b - tb
             fr, fg, fb = r * in_model - tr * in_image, g * in_model - tg * in_image, b * in_model - tb * in_image
-            square = weights[0] * (er * er + eg * eg + eb * eb) + weights[1] * (fr * fr + fg * fg + fb * fb)
-            shrink = _ONE / (_ONE + square * weights[2])
-            sums[s, SQUARES] += square * shrink
+            sums[s, SQUARES] += weights[0] * (er * er + eg * eg + eb * eb) + weights[1] * (fr * fr + fg * fg + fb * fb)
             sums[s, PIXELS] += 1.0
             total_x, total_y = _ZERO, _ZERO
             for channel in range(3):
@@ -178,9 +154,9 @@ def _linearize_any(
                     sx, sy, sz = _turning_light(lights, channel, px, py, pz, nx, ny, nz)
                     k = power * shown / light if light > _ZERO and shown < _FULL else _ZERO
                     _add(
-                        sums, s, weights[0] * shrink * shrink, e, -gx * w, -gy * w, w * (gx * x + gy * y),
-                        gx * x * y + gy * (_ONE + y * y) + k * sx, k * sy - gx * (_ONE + x * x) - gy * x * y,
-                        gx * y - gy * x + k * sz,
+                        sums, s, weights[0], e,
+                        (-gx * w, -gy * w, w * (gx * x + gy * y), gx * x * y + gy * (_ONE + y * y) + k * sx,
+                         k * sy - gx * (_ONE + x * x) - gy * x * y, gx * y - gy * x + k * sz),
                     )  # fmt: skip
             if weights[1] > _ZERO:
                 share = in_image / _FULL
@@ -193,8 +169,9 @@ def _linearize_any(
                     gx = in_image * ((du * yv - dv * yu) / det - t * total_x)
                     gy = in_image * ((dv * xu - du * xv) / det - t * total_y)
                     _add(
-                        sums, s, weights[1] * shrink * shrink, e, -gx * w, -gy * w, w * (gx * x + gy * y),
-                        gx * x * y + gy * (_ONE + y * y), -gx * (_ONE + x * x) - gy * x * y, gx * y - gy * x,
+                        sums, s, weights[1], e,
+                        (-gx * w, -gy * w, w * (gx * x + gy * y), gx * x * y + gy * (_ONE + y * y),
+                         -gx * (_ONE + x * x) - gy * x * y, gx * y - gy * x),
                     )  # fmt: skip
 
 
@@ -249,7 +226,7 @@ def linearize_with_cast(
     Parameters
     ----------
     configuration, camera, constants, index, views : see `score_with_cast`.
-    weights : as `alignment_kernels.linearize_camera` takes them.
+    weights : (2,) of the raw and the normalized difference.
     sums : (n_shapes, `alignment_kernels.N_SUMS`), overwritten.
     """
     sums[:] = 0.0
