@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.calibration.light_fit import LightFitOptions, fit_lights, irradiance, load_pose_images, with_lights
+from tracker_node.calibration.light_fit import fit_lights, irradiance, load_pose_images, with_lights
 from tracker_node.camera.light import Light
 from tracker_node.errors import CalibrationError, SourceError, TrackerError
 from tracker_node.experiments.cross.throw import cross_rig, measured_lights, twisting_somersault, yellow_stick
@@ -74,7 +74,7 @@ def test_lights_and_cameras_are_found(images):
 def test_cameras_can_be_kept_and_cameras_without_images_do_no_harm(images):
     start = replace(given(), cameras=RIG.cameras)
     some = [[first, None, third] if k else [first, second, third] for k, (first, second, third) in enumerate(images)]
-    fit = fit_lights(start, POSES, some, LightFitOptions(free_cameras=False))
+    fit = fit_lights(start, POSES, some, free_cameras=False)
     assert [c.gain for c in fit.rig] == [c.gain for c in RIG] and [c.gamma for c in fit.rig] == [c.gamma for c in RIG]
     assert max(fit.rms_after.values()) < 1.9
     off = [np.linalg.norm(np.subtract(a.position, b.position)) for a, b in zip(fit.rig.lights[1:], RIG.lights[1:], strict=True)]
@@ -87,7 +87,7 @@ def test_a_sun_is_found_by_its_direction():
     with TargetStudio(rig, "pyrender", supersampling=1, noise_levels=1.0) as studio:
         shown = [studio.images(pose, None, k) for k, pose in enumerate(POSES[:3])]
     rough = (lights[0], replace(lights[1], direction=(0.1, 0.7, -0.5), intensity=(0.5, 0.5, 0.5)))
-    fit = fit_lights(replace(rig, lights=rough), POSES[:3], shown, LightFitOptions(free_cameras=False))
+    fit = fit_lights(replace(rig, lights=rough), POSES[:3], shown, free_cameras=False)
     found, true = (np.array(light.direction) / np.linalg.norm(light.direction) for light in (fit.rig.lights[1], lights[1]))
     assert np.degrees(np.arccos(min(1.0, found @ true))) < 2.0
     assert np.isnan(fit.position_sigma_m[1])

@@ -28,29 +28,10 @@ _RIM = 2  # pixels at the border of a shape are mixtures
 _WHITE, _DARK = 250.0, 4.0  # gray levels beyond which a sensor says no more
 _LEAST = 50  # pixels of a camera
 _FAINT = 1e-3  # of intensities
-
-
-@dataclass(frozen=True)
-class LightFitOptions:
-    """How lights are sought.
-
-    Parameters
-    ----------
-    position_sigma_m, direction_sigma_rad : how well places and directions are known beforehand.
-    intensity_sigma, gain_sigma, gamma_sigma : the same of the logarithms of intensities, gains and gammas.
-    robust_levels : gray levels at which a pixel's pull stops growing: shine, shadows, folds.
-    most_pixels : of each camera in each image.
-    free_cameras : gains and gammas, too.
-    """
-
-    position_sigma_m: float = 1.0
-    direction_sigma_rad: float = 0.5
-    intensity_sigma: float = 0.7
-    gain_sigma: float = 0.5
-    gamma_sigma: float = 0.5
-    robust_levels: float = 6.0
-    most_pixels: int = 1500
-    free_cameras: bool = True
+_MOST_PIXELS = 1500  # of each camera in each image
+_ROBUST_LEVELS = 6.0  # gray levels at which a pixel's pull stops growing: shine, shadows, folds
+# How well directions (radians) are known beforehand, and the logarithms of intensities, gains and gammas
+_DIRECTION_SIGMA, _INTENSITY_SIGMA, _GAIN_SIGMA, _GAMMA_SIGMA = 0.5, 0.7, 0.5, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +58,8 @@ def fit_lights(
     rig: CameraRig,
     configurations: Sequence[Configuration],
     images: Sequence[Sequence[np.ndarray | None]],
-    options: LightFitOptions | None = None,
+    position_sigma_m: float = 1.0,
+    free_cameras: bool = True,
 ) -> LightFit:
     """The lights, gains and gammas that explain the images best.
 
@@ -86,7 +68,8 @@ def fit_lights(
     rig : with the lights roughly as they are; their kinds and cones stay.
     configurations : the body in each pose.
     images : for each pose the BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none.
-    options : priors and robust scale.
+    position_sigma_m : how well places are known beforehand.
+    free_cameras : gains and gammas are found, too.
 
     Returns
     -------
@@ -97,17 +80,16 @@ def fit_lights(
     TrackerError : a rig without lights, or no image at all.
     CalibrationError : a camera that sees too little of the body between black and white.
     """
-    options = options or LightFitOptions()
     if not rig.lights:
         raise TrackerError("the rig has no lights to start with: put them into its file, their kinds and about where they are")
     rows = [i for i in range(len(rig)) if any(each[i] is not None for each in images)]
     if not rows:
         raise TrackerError("there is no image of any camera")
     seen = rig.subset([rig.names[i] for i in rows])
-    views = [_CameraPixels.of(rig, i, configurations, [each[i] for each in images], options) for i in rows]
-    problem = _Problem(seen, views, options)
+    views = [_CameraPixels.of(rig, i, configurations, [each[i] for each in images]) for i in rows]
+    problem = _Problem(seen, views, position_sigma_m, free_cameras)
     start = np.zeros(problem.size)
-    solution = least_squares(problem.residuals, start, loss="soft_l1", f_scale=options.robust_levels, x_scale="jac", max_nfev=100)
+    solution = least_squares(problem.residuals, start, loss="soft_l1", f_scale=_ROBUST_LEVELS, x_scale="jac", max_nfev=100)
     found = problem.rig_of(solution.x)
     rms = [{v.name: _rms(r) for v, r in zip(views, problem.differences(x), strict=True)} for x in (start, solution.x)]
     lit = replace(rig, cameras=tuple(found[c.name] if c.name in found.names else c for c in rig), lights=found.lights)
@@ -214,14 +196,14 @@ class _CameraPixels:
     seen: np.ndarray
 
     @classmethod
-    def of(cls, rig: CameraRig, i: int, configurations, images, options: LightFitOptions) -> _CameraPixels:
+    def of(cls, rig: CameraRig, i: int, configurations, images) -> _CameraPixels:
         camera, parts = rig.cameras[i], []
         for configuration, image in zip(configurations, images, strict=True):
             if image is None:
                 continue
             if problem := camera.model.size_problem(image):
                 raise CalibrationError(camera.name, problem)
-            parts.append(_thinned(surface_samples(configuration, camera, rim=_RIM), image, options.most_pixels))
+            parts.append(_thinned(surface_samples(configuration, camera, rim=_RIM), image))
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)] if parts else [np.zeros((0, 3))] * 4
         if len(columns[0]) < _LEAST:
             raise CalibrationError(
@@ -230,11 +212,11 @@ class _CameraPixels:
         return cls(camera.name, *columns)
 
 
-def _thinned(samples: SurfaceSamples, image: np.ndarray, most: int) -> tuple[np.ndarray, ...]:
-    """Points, normals, colors and what was seen, at no more than ``most`` pixels that are neither black nor white."""
+def _thinned(samples: SurfaceSamples, image: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Points, normals, colors and what was seen, at no more than `_MOST_PIXELS` pixels that are neither black nor white."""
     seen = image[samples.pixels[:, 1], samples.pixels[:, 0], ::-1].astype(np.float64)
     good = np.flatnonzero((seen.max(axis=1) < _WHITE) & (seen.max(axis=1) > _DARK))
-    good = good[np.unique(np.linspace(0, max(len(good) - 1, 0), most).astype(int))] if len(good) else good
+    good = good[np.unique(np.linspace(0, max(len(good) - 1, 0), _MOST_PIXELS).astype(int))] if len(good) else good
     return samples.points[good], samples.normals[good], samples.colors_rgb[good], seen[good]
 
 
@@ -242,34 +224,34 @@ class _Problem:
     """Parameters: per light logarithms of intensities (3), then place (3) and direction (3) as it has them, all as departures in
     units of their sigmas; then per camera logarithms of gain (3; not the first's) and gamma."""
 
-    def __init__(self, rig: CameraRig, views: Sequence[_CameraPixels], options: LightFitOptions):
-        self.rig, self.views, self.options = rig, views, options
+    def __init__(self, rig: CameraRig, views: Sequence[_CameraPixels], position_sigma_m: float, free_cameras: bool):
+        self.rig, self.views, self.position_sigma_m, self.free_cameras = rig, views, position_sigma_m, free_cameras
         self.parts = [3 + 3 * (light.position is not None) + 3 * (light.direction is not None) for light in rig.lights]
-        self.size = sum(self.parts) + ((4 * len(rig) - 3) if options.free_cameras else 0)
+        self.size = sum(self.parts) + ((4 * len(rig) - 3) if free_cameras else 0)
 
     def lights_of(self, x: np.ndarray) -> tuple[Light, ...]:
-        lights, at, options = [], 0, self.options
+        lights, at = [], 0
         for light, size in zip(self.rig.lights, self.parts, strict=True):
             values, k = x[at : at + size], 3
-            intensity = np.maximum(light.intensity, _FAINT) * np.exp(options.intensity_sigma * values[:3])
+            intensity = np.maximum(light.intensity, _FAINT) * np.exp(_INTENSITY_SIGMA * values[:3])
             changes: dict = {"intensity": tuple(map(float, intensity))}
             if light.position is not None:
-                changes["position"] = tuple(map(float, light.position + options.position_sigma_m * values[k : k + 3]))
+                changes["position"] = tuple(map(float, light.position + self.position_sigma_m * values[k : k + 3]))
                 k += 3
             if light.direction is not None:
                 axis = np.asarray(light.direction) / np.linalg.norm(light.direction)
-                changes["direction"] = tuple(map(float, axis + options.direction_sigma_rad * values[k : k + 3]))
+                changes["direction"] = tuple(map(float, axis + _DIRECTION_SIGMA * values[k : k + 3]))
             lights.append(replace(light, **changes))
             at += size
         return tuple(lights)
 
     def rig_of(self, x: np.ndarray) -> CameraRig:
-        cameras, at, options = [], sum(self.parts), self.options
+        cameras, at = [], sum(self.parts)
         for i, camera in enumerate(self.rig):
-            if options.free_cameras:
+            if self.free_cameras:
                 n = 3 if i else 0
-                gain = np.array(camera.gain) * (np.exp(options.gain_sigma * x[at : at + n]) if n else 1.0)
-                gamma = camera.gamma * float(np.exp(options.gamma_sigma * x[at + n]))
+                gain = np.array(camera.gain) * (np.exp(_GAIN_SIGMA * x[at : at + n]) if n else 1.0)
+                gamma = camera.gamma * float(np.exp(_GAMMA_SIGMA * x[at + n]))
                 camera = replace(camera, gain=(float(gain[0]), float(gain[1]), float(gain[2])), gamma=gamma)
                 at += n + 1
             cameras.append(camera)
@@ -293,7 +275,7 @@ class _Problem:
         covariance = noise**2 * np.linalg.pinv(solution.jac.T @ solution.jac)
         sigmas, at = [], 0
         for light, size in zip(self.rig.lights, self.parts, strict=True):
-            place = np.sqrt(np.diag(covariance)[at + 3 : at + 6]).max() * self.options.position_sigma_m
+            place = np.sqrt(np.diag(covariance)[at + 3 : at + 6]).max() * self.position_sigma_m
             sigmas.append(float(place) if light.position is not None else float("nan"))
             at += size
         return tuple(sigmas)

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.light_fit import LightFitOptions, fit_lights, load_pose_images, with_lights
+    from ...calibration.light_fit import fit_lights, load_pose_images, with_lights
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
     from ...loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
     rig_file, model = read_rig_file(args.rig), load_model(args.model)
     rig = build_rig(rig_file, Path(args.rig).parent)
     configurations = [Configuration(model, load_state(path, model)) for path in args.state]
-    options = LightFitOptions(free_cameras=not args.keep_cameras, position_sigma_m=args.position_sigma_m)
-    fit = fit_lights(rig, configurations, load_pose_images(args.images, rig.names), options)
+    images = load_pose_images(args.images, rig.names)
+    fit = fit_lights(rig, configurations, images, args.position_sigma_m, not args.keep_cameras)
     write_rig_file(with_lights(rig_file, fit), args.output, base_dir=Path(args.rig).parent)
     _print(rig, fit)
     left_out = [name for name in rig.names if name not in fit.n_pixels]

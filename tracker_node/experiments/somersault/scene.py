@@ -101,39 +101,19 @@ def somersault_scene(n_images: int = 11, width: int = 768) -> SomersaultScene:
     return SomersaultScene(measured, tracked, somersault_rig(width), variables, somersault_states(tracked, variables, {}))
 
 
-@dataclass(frozen=True)
-class SomersaultRanges:
-    """Ranges over all images (Table 1 of the paper), meters and degrees."""
-
-    vertical: float = 0.790
-    anterior_posterior: float = 1.000
-    lateral: float = 0.010
-    somersault_deg: float = 360.0
-    tilt_deg: float = 8.0
-    twist_deg: float = 180.0
-    take_off_height: float = 1.30
+RANGES = np.array([1.000, 0.010, 0.790, *np.deg2rad([360.0, 8.0, 180.0])])
+"""Of the pose variables over all images (Table 1 of the paper), meters and radians."""
+TAKE_OFF_HEIGHT = 1.30
 
 
-def somersault_variables(n_images: int = 11, ranges: SomersaultRanges | None = None) -> np.ndarray:
-    """Pose variables of the somersault, evenly spaced from take-off to landing.
-
-    Parameters
-    ----------
-    n_images : how many.
-    ranges : of the variables; None: the paper's.
-
-    Returns
-    -------
-    (n_images, 6) in the order of `model.configuration.ROOT_NAMES`.
-    """
-    r = ranges or SomersaultRanges()
+def somersault_variables(n_images: int = 11) -> np.ndarray:
+    """Pose variables (n_images, 6) of the somersault, evenly spaced from take-off to landing, in the order of
+    `model.configuration.ROOT_NAMES`."""
     s = np.linspace(0.0, 1.0, n_images)
     angles = _rotation(s)
     columns = np.column_stack([s, -np.abs(angles[:, 1]), -((s - 0.5) ** 2), angles])
-    angle_sizes = np.deg2rad([r.somersault_deg, r.tilt_deg, r.twist_deg])
-    sizes = np.concatenate([[r.anterior_posterior, r.lateral, r.vertical], angle_sizes])
-    variables = columns * (sizes / np.ptp(columns, axis=0))
-    variables[:, :3] += [0.0, 0.0, r.take_off_height] - variables[0, :3]
+    variables = columns * (RANGES / np.ptp(columns, axis=0))
+    variables[:, :3] += [0.0, 0.0, TAKE_OFF_HEIGHT] - variables[0, :3]
     return variables
 
 
