@@ -3,7 +3,7 @@
 
 Sections, each a function that gives figures: ``board`` (a recorded ChArUco board, four webcams, against the
 calibration that came with it), ``synthetic_rig`` (six simulated cameras, corners with 0.3 px of noise, worst camera), ``dlt`` (20
-control points, 1 px of noise, all stages), ``balancing`` (a real rig refined by 2D joints, judged by them and by a swim
+control points, 1 px of noise), ``balancing`` (a real rig refined by 2D joints, judged by them and by a swim
 cap), ``offset`` (the clock of a free-running camera; draws a clip first, some minutes).
 """
 

@@ -10,6 +10,7 @@ which of them a camera may use, and the refinement finds the best camera within.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -206,6 +207,36 @@ def reconstruct(parameters: np.ndarray, pixels: np.ndarray, weights: np.ndarray)
             points[i] = np.linalg.lstsq((scale[:, :, None] * left).reshape(-1, 3), (scale * right).ravel(), rcond=None)[0]
             scale = weight / (L[:, 8:] @ points[i] + 1.0)[:, None]
     return points, valid
+
+
+def object_errors_m(cameras: Sequence[Camera], seen: Mapping[str, ControlPoints]) -> np.ndarray:
+    """Distances of control points from where the cameras reconstruct them.
+
+    Parameters
+    ----------
+    cameras : without distortion.
+    seen : camera -> its control points.
+
+    Returns
+    -------
+    (k,) meters, of the points that two cameras see; none where the world's origin lies beside a camera, which has no parameters
+    then.
+    """
+    try:
+        parameters = np.array([dlt_parameters(camera) for camera in cameras])
+    except CalibrationError:
+        return np.zeros(0)
+    if len(cameras) < 2:
+        return np.zeros(0)
+    used = [seen[camera.name] for camera in cameras]
+    places = {name: place for points in used for name, place in zip(points.names, points.points, strict=True)}
+    row = {name: i for i, name in enumerate(places)}
+    pixels, weights = np.zeros((len(row), len(used), 2)), np.zeros((len(row), len(used)))
+    for c, points in enumerate(used):
+        rows = [row[name] for name in points.names]
+        pixels[rows, c], weights[rows, c] = points.pixels, 1.0
+    found, valid = reconstruct(parameters, pixels, weights)
+    return np.linalg.norm(found - np.array(list(places.values())), axis=1)[valid]
 
 
 def image_residuals(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:

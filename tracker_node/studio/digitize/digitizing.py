@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...calibration.points.dlt import MIN_POINTS, calibrate, check_control_points
-from ...calibration.points.dlt_stages import object_errors_m
+from ...calibration.points.dlt import MIN_POINTS, calibrate, check_control_points, object_errors_m
 from ...calibration.points.triangulation import ReconstructedPoint, reconstruct_point, repeatability
 from ...camera.rig import CameraRig
 from ...errors import CalibrationError
@@ -124,21 +123,7 @@ def judge_control(
             cameras.append(found.camera)
         except CalibrationError as error:
             assessments[name] = ControlAssessment(points, None, error.problem)
-    try:
-        return assessments, _object_errors(cameras, seen) if len(cameras) > 1 else np.zeros(0)
-    except CalibrationError:  # cameras beside which the world's origin lies have no parameters
-        return assessments, np.zeros(0)
-
-
-def _object_errors(cameras: list, seen: Mapping[str, ControlPoints]) -> np.ndarray:
-    used = [seen[camera.name] for camera in cameras]
-    places = {name: place for points in used for name, place in zip(points.names, points.points, strict=True)}
-    row = {name: i for i, name in enumerate(places)}
-    pixels, weights = np.zeros((len(row), len(used), 2)), np.zeros((len(row), len(used)))
-    for c, points in enumerate(used):
-        rows = [row[name] for name in points.names]
-        pixels[rows, c], weights[rows, c] = points.pixels, 1.0
-    return object_errors_m(cameras, np.array(list(places.values())), pixels, weights)
+    return assessments, object_errors_m(cameras, seen)
 
 
 def _trajectories(rig: CameraRig, store: ClickStore) -> JointTrajectory:
