@@ -14,9 +14,7 @@ from ..observation.keypoints.blazepose import BlazePoseFiles
 from .sample_files import Member, Wheel, cache_folder, cached_path, fetch
 
 _WHEEL = Wheel(
-    "mediapipe==0.10.9",
-    "2c31ea1160c118daa50f7d43f0027d2480664568df53b7d7a7835b6e966f2cc2",
-    ("3.11", "manylinux2014_x86_64"),
+    "mediapipe==0.10.9", "2c31ea1160c118daa50f7d43f0027d2480664568df53b7d7a7835b6e966f2cc2", ("3.11", "manylinux2014_x86_64")
 )
 DETECTOR, POINTS = "pose_detection.tflite", "pose_landmark_full.tflite"
 _SHA256 = {

@@ -84,15 +84,7 @@ class ImageSynchronizer:
     ValueError : an argument out of range, or camera names that repeat.
     """
 
-    def __init__(
-        self,
-        cameras: Sequence[str],
-        *,
-        image_period_s: float,
-        tolerance: float,
-        queue_s: float,
-        min_cameras: int = 0,
-    ):
+    def __init__(self, cameras: Sequence[str], *, image_period_s: float, tolerance: float, queue_s: float, min_cameras: int = 0):
         self.cameras = tuple(cameras)
         if not self.cameras or len(set(self.cameras)) != len(self.cameras):
             raise ValueError(f"expected one or more unique camera names, got {self.cameras}")

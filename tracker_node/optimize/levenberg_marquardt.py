@@ -60,9 +60,7 @@ def clip_to_limits(state: State, chain: KinematicChain) -> State:
     return State(state.T_world_root, np.clip(state.joint_positions, chain.lower, chain.upper))
 
 
-def _step(
-    equations: NormalEquations, state: State, chain: KinematicChain, damping: float | np.ndarray
-) -> np.ndarray | None:
+def _step(equations: NormalEquations, state: State, chain: KinematicChain, damping: float | np.ndarray) -> np.ndarray | None:
     """The step (n_dof,) from ``state`` to the minimum of the damped quadratic within the limits; None where it has none."""
     anywhere = np.full(N_ROOT_DOF, np.inf)
     lower = np.append(-anywhere, chain.lower - state.joint_positions)

@@ -147,9 +147,7 @@ class ReacquireOptions:
     candidates : so many of the best then are refined down to the level before the finest, and the best of those on the finest.
     """
 
-    search: RobustStartOptions = field(
-        default_factory=lambda: RobustStartOptions(0.35, 0.6, 3000, rounds=1, keep=40, row_step=8)
-    )
+    search: RobustStartOptions = field(default_factory=lambda: RobustStartOptions(0.35, 0.6, 3000, rounds=1, keep=40, row_step=8))
     alignment: AlignmentOptions = field(default_factory=lambda: AlignmentOptions(tolerance=1e-4))
     candidates: int = 3
 

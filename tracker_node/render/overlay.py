@@ -21,12 +21,7 @@ _SHIFT = 4  # sub-pixel bits of OpenCV's drawing
 
 
 def draw_overlay(
-    bgr: np.ndarray,
-    configuration: Configuration,
-    camera: Camera,
-    alpha: float = 0.4,
-    outline: bool = True,
-    skeleton: bool = True,
+    bgr: np.ndarray, configuration: Configuration, camera: Camera, alpha: float = 0.4, outline: bool = True, skeleton: bool = True
 ) -> np.ndarray:
     """A copy of an image with the body drawn over it.
 

@@ -5,20 +5,8 @@ After Okabe and Ito: distinct for color-blind readers, too. `WORDS` are darker, 
 
 from __future__ import annotations
 
-STATES = {
-    "initializing": "#56b4e9",
-    "tracking": "#009e73",
-    "degraded": "#e69f00",
-    "lost": "#d55e00",
-    "unseen": "#d5dadf",
-}
-WORDS = {
-    "initializing": "#23749f",
-    "tracking": "#00765a",
-    "degraded": "#8a5a00",
-    "lost": "#a84300",
-    "unseen": "#5b6770",
-}
+STATES = {"initializing": "#56b4e9", "tracking": "#009e73", "degraded": "#e69f00", "lost": "#d55e00", "unseen": "#d5dadf"}
+WORDS = {"initializing": "#23749f", "tracking": "#00765a", "degraded": "#8a5a00", "lost": "#a84300", "unseen": "#5b6770"}
 
 
 def rgb_of(state: str) -> tuple[float, float, float]:

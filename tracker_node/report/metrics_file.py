@@ -71,9 +71,7 @@ def format_metrics(metrics: Mapping[str, float | int]) -> str:
     texts = {str(key): _text(value) for key, value in metrics.items()}
     whole = max(len(text.partition(".")[0]) for text in texts.values())
     width = max(len(key) for key in texts)
-    return "\n".join(
-        f"{key:<{width}}  {' ' * (whole - len(text.partition('.')[0]))}{text}" for key, text in texts.items()
-    )
+    return "\n".join(f"{key:<{width}}  {' ' * (whole - len(text.partition('.')[0]))}{text}" for key, text in texts.items())
 
 
 def command_line() -> str:

@@ -65,11 +65,7 @@ def make_app(
     middleware = [Middleware(OnlyOwnPages, access=access)]
     if unexpected is not None:
         middleware.append(Middleware(UnexpectedErrors, report=unexpected))
-    return Starlette(
-        routes=routes,
-        middleware=middleware,
-        exception_handlers={TrackerError: _told, OSError: _not_written},
-    )
+    return Starlette(routes=routes, middleware=middleware, exception_handlers={TrackerError: _told, OSError: _not_written})
 
 
 def all_pages() -> tuple[Page, ...]:

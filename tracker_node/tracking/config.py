@@ -190,9 +190,7 @@ class KeypointConfig:
         0.5, "factor of the log odds of the detector's silhouettes, beside contours; 0: they are not used", "1", 0.0, 10.0,
         of=(POINTS_BESIDE,),
     )  # fmt: skip
-    silhouette_limit: float = parameter(
-        2.0, "largest log odds of a silhouette's pixel", "1", 0.0, 20.0, of=(POINTS_BESIDE,)
-    )
+    silhouette_limit: float = parameter(2.0, "largest log odds of a silhouette's pixel", "1", 0.0, 20.0, of=(POINTS_BESIDE,))
 
 
 @dataclass(frozen=True)
@@ -280,9 +278,7 @@ class InitializationConfig:
         15, "image sets, LOST or with a limb lost since the start, after which all images are searched", "", 1, 10**9
     )
     interval_sets: int = parameter(12, "image sets between two searches, as long as nothing is found", "", 0, 100000)
-    watch_sets: int = parameter(
-        18, "image sets to watch what moves in, where there are no images of the background", "", 2, 1000
-    )
+    watch_sets: int = parameter(18, "image sets to watch what moves in, where there are no images of the background", "", 2, 1000)
     size_px: int = parameter(80, "height of the body in the small images that a start is searched in", "px", 16, 1000)
     hypotheses: int = parameter(48, "poses, of all that are tried, that are fitted to the silhouettes", "", 4, 1000)
     candidates: int = parameter(8, "starts that the engine tries", "", 1, 64)
@@ -299,9 +295,7 @@ class JointConfig:
 
     passes: int = parameter(2, "times that the points are chosen anew whose colors are compared", "", 1, 100)
     iterations: int = parameter(3, "iterations in each pass", "", 1, 1000)
-    color_scale: float = parameter(
-        4.7, "how much less the colors' information counts than that of the contours", "1", 1e-3, 1e3
-    )
+    color_scale: float = parameter(4.7, "how much less the colors' information counts than that of the contours", "1", 1e-3, 1e3)
 
 
 @dataclass(frozen=True)

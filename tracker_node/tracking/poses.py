@@ -109,12 +109,7 @@ class PoseSearch:
     """
 
     def __init__(
-        self,
-        chain: KinematicChain,
-        score: Score,
-        dofs: np.ndarray,
-        rng: np.random.Generator,
-        apart: Apart | None = None,
+        self, chain: KinematicChain, score: Score, dofs: np.ndarray, rng: np.random.Generator, apart: Apart | None = None
     ):
         self._chain, self._score, self._dofs, self._rng, self._apart = chain, score, dofs, rng, apart
 

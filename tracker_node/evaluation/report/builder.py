@@ -1,5 +1,4 @@
-"""The report of one or many runs: ``report.json``, ``report.html`` that needs nothing beside it, ``report.pdf``, CSV files.
-"""
+"""The report of one or many runs: ``report.json``, ``report.html`` that needs nothing beside it, ``report.pdf``, CSV files."""
 
 from __future__ import annotations
 

@@ -156,13 +156,7 @@ def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
     note = "Distance of the predicted contours from those seen, or difference of colors, after the fit."
     whole = [_line(i, review, review.run.residual, reviews) for i, review in enumerate(reviews)]
     if len(reviews) > 1:
-        yield Chart(
-            "residuals",
-            "Residuals",
-            note,
-            y_label=f"rms [{units}]",
-            lines=whole,
-        )
+        yield Chart("residuals", "Residuals", note, y_label=f"rms [{units}]", lines=whole)
     for review in reviews:
         run, name = review.run, f" of {review.name}" if len(reviews) > 1 else ""
         seen = np.where(run.camera_residuals > 0, run.camera_residuals, np.nan)

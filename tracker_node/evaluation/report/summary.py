@@ -139,12 +139,7 @@ def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> T
 
 
 def _summary_row(
-    metric: Metric,
-    key: str,
-    title: str,
-    values: Sequence[float | None],
-    targets: Mapping[str, Target],
-    alike: Sequence[bool],
+    metric: Metric, key: str, title: str, values: Sequence[float | None], targets: Mapping[str, Target], alike: Sequence[bool]
 ) -> list[Value]:
     """``alike``: which of the runs have as many image sets as the first, so that counts tell which is better."""
     target = targets.get(key)

@@ -49,8 +49,7 @@ class Trajectories:
         n, m = len(self.stamps_ns), len(self.names)
         if self.positions_m.shape != (n, m, 3) or self.valid.shape != (n, m):
             raise ValueError(
-                f"expected positions ({n}, {m}, 3) and validity ({n}, {m}),"
-                f" got {self.positions_m.shape} and {self.valid.shape}"
+                f"expected positions ({n}, {m}, 3) and validity ({n}, {m}), got {self.positions_m.shape} and {self.valid.shape}"
             )
         if n > 1 and not np.all(np.diff(self.stamps_ns) > 0):
             raise ValueError("expected increasing stamps")
@@ -58,9 +57,7 @@ class Trajectories:
     def select(self, names: Sequence[str]) -> Trajectories:
         """The named points only, in the given order."""
         columns = [self.names.index(name) for name in names]
-        return Trajectories(
-            tuple(names), self.stamps_ns, self.positions_m[:, columns], self.valid[:, columns]
-        )
+        return Trajectories(tuple(names), self.stamps_ns, self.positions_m[:, columns], self.valid[:, columns])
 
     def at(self, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Interpolate linearly. Nothing is extrapolated.
@@ -135,9 +132,7 @@ def truth_at(truth: Trajectories, stamps_ns: np.ndarray, lag_images: float, peri
     return Trajectories(truth.names, stamps_ns, *truth.at(stamps_ns, lag_images * period_ns))
 
 
-def estimate_lag(
-    estimate: Trajectories, truth: Trajectories, period_ns: float, rotations: np.ndarray | None = None
-) -> float:
+def estimate_lag(estimate: Trajectories, truth: Trajectories, period_ns: float, rotations: np.ndarray | None = None) -> float:
     """The constant lag that makes the mean offset-free joint error smallest.
 
     Constant offsets are left out of the search: while a body moves one way, an offset along its path looks like a lag.

@@ -32,16 +32,7 @@ from ..rigid_tracking import text_table
 from . import tracking
 from .clips import Clip, TrackedClip, balancing_clip, cones_clip, mannequin_clip
 from .errors import METHODS, PUBLISHED, REACH_PX, ContourError, by_method, far_sighted
-from .figures import (
-    DRAWN,
-    RowFigure,
-    evidence_figures,
-    row_figure,
-    sequence_figures,
-    shoot,
-    tracking_figure,
-    variables_figure,
-)
+from .figures import DRAWN, RowFigure, evidence_figures, row_figure, sequence_figures, shoot, tracking_figure, variables_figure
 from .tracking import VARIABLES, body_profiles, mean_profile, valley_metrics
 
 CLIPS = ("cones", "mannequin", "balancing")

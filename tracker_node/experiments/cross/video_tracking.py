@@ -48,9 +48,7 @@ def track_video(
     return _sequence(found)
 
 
-def refine_video(
-    show: Show, states: Sequence[State], fit: Callable[[State], FitResult], period_s: float
-) -> TrackedSequence:
+def refine_video(show: Show, states: Sequence[State], fit: Callable[[State], FitResult], period_s: float) -> TrackedSequence:
     """Fit every image set again from its own estimate, with the velocity from the estimates around it.
 
     Parameters

@@ -29,9 +29,7 @@ def foxglove_layout(graph: ViewedGraph) -> dict[str, Any]:
     """The layout as Foxglove exports and imports it: the panels' settings by their ids, and a tree of the ids."""
     state = graph.topic("state")
     plots = {
-        "Plot!residual": _plot(
-            "Residual, px or gray levels", [(f"{state}.residual", "all cameras"), *_camera_residuals(graph)]
-        ),
+        "Plot!residual": _plot("Residual, px or gray levels", [(f"{state}.residual", "all cameras"), *_camera_residuals(graph)]),
         "Plot!effort": _plot("Steps of the optimizer", [(f"{state}.iterations", "iterations")]),
         "Plot!timings": _plot(
             "Time for an image set, ms", [(f"{state}.{name}_ms", name) for name in ("observe", "optimize", "total")]

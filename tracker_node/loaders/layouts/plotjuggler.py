@@ -41,10 +41,7 @@ def _tabs(graph: ViewedGraph) -> dict[str, list[tuple[str, list[str]]]]:
     names = [name for name, _ in graph.joints]
     return {
         "Fit": [
-            (
-                "residual, px or gray levels",
-                [f"{state}/residual", *(f"{state}/camera_residuals[{i}]" for i in range(n_cameras))],
-            ),
+            ("residual, px or gray levels", [f"{state}/residual", *(f"{state}/camera_residuals[{i}]" for i in range(n_cameras))]),
             ("status: 1 tracking, 2 degraded, 3 lost", [f"{state}/status"]),
             ("steps of the optimizer", [f"{state}/iterations", f"{state}/evaluations"]),
         ],

@@ -242,10 +242,7 @@ class ModelFile(FileModel):
         if repeated:
             raise problem("each link once", repeated, "links")
         for kind, references in (
-            (
-                "joints",
-                {f"{n}.{end}": getattr(j, end) for n, j in self.joints.items() for end in ("parent", "child")},
-            ),
+            ("joints", {f"{n}.{end}": getattr(j, end) for n, j in self.joints.items() for end in ("parent", "child")}),
             ("shapes", {f"{n}.link": s.link for n, s in self.shapes.items()}),
             ("landmarks", {f"{n}.link": m.link for n, m in self.landmarks.items()}),
         ):

@@ -17,15 +17,7 @@ from ...model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitiv
 from ..file_model import validate
 from ..yaml_file import Inline, read_mapping, write_mapping
 from .mesh_file import read_mesh, read_texture, write_mesh, write_texture
-from .model_file import (
-    AxisEntry,
-    BoxEntry,
-    ConeEntry,
-    EllipsoidEntry,
-    LoftEntry,
-    ModelFile,
-    ShapeEntry,
-)
+from .model_file import AxisEntry, BoxEntry, ConeEntry, EllipsoidEntry, LoftEntry, ModelFile, ShapeEntry
 from .urdf import load_urdf
 
 
@@ -78,11 +70,7 @@ def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> 
         raise ValueError(f"expected unique shape names, got {names}")
     joints = {}
     for joint in model.chain.joints:
-        entry: dict[str, Any] = {
-            "parent": joint.parent,
-            "child": joint.child,
-            **_placed(joint.T_parent_joint),
-        }
+        entry: dict[str, Any] = {"parent": joint.parent, "child": joint.child, **_placed(joint.T_parent_joint)}
         if joint.axes:
             entry["axes"] = [_axis_values(axis) for axis in joint.axes]
         joints[joint.name] = entry
@@ -183,12 +171,7 @@ def _shape_values(shape: Shape, path: Path) -> dict[str, Any]:
     primitive = shape.primitive
     values: dict[str, Any] = {"link": shape.link}
     if isinstance(primitive, TruncatedCone):
-        values |= {
-            "type": "truncated_elliptical_cone",
-            "a": primitive.a,
-            "b": primitive.b,
-            "taper": primitive.k,
-        }
+        values |= {"type": "truncated_elliptical_cone", "a": primitive.a, "b": primitive.b, "taper": primitive.k}
         values |= {"z1": primitive.z1, "z2": primitive.z2}
     elif isinstance(primitive, Ellipsoid):
         values |= {"type": "ellipsoid", "radii": list(primitive.radii)}

@@ -95,9 +95,7 @@ def lens_of(
         raise FileFormatError(path, fields[0], "a lens that can be built", str(error)) from error
 
 
-def pose_of(
-    path: str | Path, field: str, rotation: np.ndarray, translation: np.ndarray, tolerance: float = 1e-5
-) -> np.ndarray:
+def pose_of(path: str | Path, field: str, rotation: np.ndarray, translation: np.ndarray, tolerance: float = 1e-5) -> np.ndarray:
     """Rigid transform of a rotation and a translation.
 
     Parameters

@@ -81,9 +81,7 @@ def _is_topic(value: Any) -> bool:
 
 
 ImageSize = Annotated[tuple[int, int], checked("[width, height] in whole pixels", _is_size, lambda v: tuple(map(int, v)))]
-Gain = Annotated[
-    tuple[float, float, float], checked("one positive number or [r, g, b]", _is_gain, lambda v: floats(_three(v)))
-]
+Gain = Annotated[tuple[float, float, float], checked("one positive number or [r, g, b]", _is_gain, lambda v: floats(_three(v)))]
 Source = Annotated[str, BeforeValidator(lambda value: check_source(value))]
 Topic = Annotated[str, checked("the name of an image topic, such as /front/image_raw", _is_topic)]
 
@@ -117,11 +115,7 @@ class CameraEntry(FileModel):
             several = " or ".join(str(count) for count in counts)
             raise problem(f"{several} coefficients for {self.distortion_model}", self.distortion, "distortion")
         if not se3.is_rigid(np.array(self.T_world_cam), tolerance=1e-4):
-            raise problem(
-                "a rigid 4 x 4 transform (rotation, meters, last row 0 0 0 1)",
-                self.T_world_cam,
-                "T_world_cam",
-            )
+            raise problem("a rigid 4 x 4 transform (rotation, meters, last row 0 0 0 1)", self.T_world_cam, "T_world_cam")
         lower = (self.K[1][0], self.K[2][0], self.K[2][1])
         if self.K[0][0] != 0.0 and (any(lower) or self.K[2][2] != 1.0 or self.K[0][0] < 0.0 or self.K[1][1] <= 0.0):
             raise problem("[[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with positive focal lengths", self.K, "K")
@@ -182,11 +176,7 @@ class LightEntry(FileModel):
 
     @model_validator(mode="after")
     def _complete(self) -> LightEntry:
-        needed = {
-            "point": ("position",),
-            "spot": ("position", "direction", "cone_deg"),
-            "directional": ("direction",),
-        }
+        needed = {"point": ("position",), "spot": ("position", "direction", "cone_deg"), "directional": ("direction",)}
         for name in needed.get(self.kind, ()):
             if getattr(self, name) is None:
                 raise problem(f"a value for a {self.kind} light", "nothing", name)

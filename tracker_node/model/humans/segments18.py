@@ -244,9 +244,7 @@ def body_lofts() -> dict[str, tuple[Loft, np.ndarray]]:
 
 
 def _trunk_lofts() -> dict[str, Loft]:
-    hip, waist, rib, nipple = (
-        stadium_halves(*s)[::-1] for s in (HIP_SECTION, UMBILICUS_SECTION, RIB_SECTION, NIPPLE_SECTION)
-    )
+    hip, waist, rib, nipple = (stadium_halves(*s)[::-1] for s in (HIP_SECTION, UMBILICUS_SECTION, RIB_SECTION, NIPPLE_SECTION))
     depth = 0.5 * SHOULDER_DEPTH
     neck = radius_of(NECK_GIRTH)
     nose, ear = (stadium_of_ratio(girth, HEAD_LENGTH_TO_BREADTH) for girth in (NOSE_GIRTH, EAR_GIRTH))
@@ -270,9 +268,7 @@ def _trunk_lofts() -> dict[str, Loft]:
 
 def _limb_lofts(sign: float) -> dict[str, Loft]:
     arm, mid_arm, elbow, forearm = (radius_of(g) for g in (SHOULDER_GIRTH, MID_ARM_GIRTH, ELBOW_GIRTH, FOREARM_GIRTH))
-    wrist, thumb, knuckle, nail = (
-        stadium_halves(*s) for s in (WRIST_SECTION, THUMB_SECTION, KNUCKLE_SECTION, NAIL_SECTION)
-    )
+    wrist, thumb, knuckle, nail = (stadium_halves(*s) for s in (WRIST_SECTION, THUMB_SECTION, KNUCKLE_SECTION, NAIL_SECTION))
     hip = 0.5 * np.sqrt(stadium_halves(*HIP_SECTION)[1] * HIP_SECTION[1])  # Yeadon: half the trunk's area there
     crotch, mid_thigh, knee, calf, ankle = (
         radius_of(g) for g in (CROTCH_GIRTH, MID_THIGH_GIRTH, KNEE_GIRTH, CALF_GIRTH, ANKLE_GIRTH)

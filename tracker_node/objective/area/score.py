@@ -100,9 +100,7 @@ class AreaScore:
         self._workers.map(run, [k for k, (_, cameras) in enumerate(parts) if cameras])
         return np.swapaxes(totals, 0, 1)
 
-    def _score(
-        self, i: int, moving: _Part, poses: np.ndarray, still: _Part | None, work: _Work, totals: np.ndarray
-    ) -> None:
+    def _score(self, i: int, moving: _Part, poses: np.ndarray, still: _Part | None, work: _Work, totals: np.ndarray) -> None:
         """One camera: ``poses`` (n, n_moving, 4, 4) of the parts that move."""
         lens, maps, table, views = self.cameras[i].model, self._maps[i], self._tables[i], self._views
         assert maps is not None

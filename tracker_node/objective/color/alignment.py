@@ -104,9 +104,7 @@ class _Level:
         self.constants = ColorConstants(model, rig, options.representation, options.normalized_weight, owner.colors_rgb)
         constants = self.constants
         self.weights = np.array(constants.weights, dtype=np.float32)
-        self.form = form_of(
-            constants.n_directional, constants.n_spots, False, constants.weights[0] > 0, constants.weights[1] > 0
-        )
+        self.form = form_of(constants.n_directional, constants.n_spots, False, constants.weights[0] > 0, constants.weights[1] > 0)
         n = len(model.shapes)
         self.used = np.ones(n, dtype=np.bool_)
         self.work = [

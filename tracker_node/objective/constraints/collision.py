@@ -1,5 +1,4 @@
-"""Parts of a body that may not pass through each other, as a least-squares objective; distances of round cones.
-"""
+"""Parts of a body that may not pass through each other, as a least-squares objective; distances of round cones."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Gaussian priors of a state, axes that drive each other, and sums of objectives and priors.
-"""
+"""Gaussian priors of a state, axes that drive each other, and sums of objectives and priors."""
 
 from __future__ import annotations
 

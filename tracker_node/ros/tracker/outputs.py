@@ -61,8 +61,7 @@ class TrackerOutputs:
         self._publishers: list[Publisher] = []
         self._of_body = [(output, self._channel(output)) for output in BODY_OUTPUTS]
         self._of_cameras = {
-            camera.name: [(output, self._channel(output, f"{camera.name}/")) for output in CAMERA_OUTPUTS]
-            for camera in rig
+            camera.name: [(output, self._channel(output, f"{camera.name}/")) for output in CAMERA_OUTPUTS] for camera in rig
         }
         marker_array = message_class(MARKER_ARRAY)
         markers = message_of(marker_array, messages.markers(model))

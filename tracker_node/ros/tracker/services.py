@@ -29,11 +29,7 @@ class TrackerServices:
     """
 
     def __init__(
-        self,
-        node: Node,
-        options: TrackerOptions,
-        worker: Callable[[], TrackingWorker | None],
-        looks_for_body: Callable[[], bool],
+        self, node: Node, options: TrackerOptions, worker: Callable[[], TrackingWorker | None], looks_for_body: Callable[[], bool]
     ):
         self._node, self._options, self._worker, self._looks_for_body = node, options, worker, looks_for_body
         self._services = [

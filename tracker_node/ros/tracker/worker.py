@@ -20,15 +20,7 @@ from ...tracking.estimate import Status, TrackEstimate
 from .command_thread import CommandThread
 from .image_inbox import ImageInbox, Received
 from .point_matching import PointMatching
-from .setup import (
-    INACTIVE,
-    PAUSED,
-    UNCALIBRATED,
-    StartRequests,
-    TrackingSetup,
-    WorkerCounts,
-    unknown_estimate,
-)
+from .setup import INACTIVE, PAUSED, UNCALIBRATED, StartRequests, TrackingSetup, WorkerCounts, unknown_estimate
 
 _AT_ONCE = 4  # image sets that may wait in a graph that is watched live: a search takes as long as three, 0.1 s at 30 Hz
 

@@ -20,9 +20,7 @@ from .click_store import Clicked, ClickStore
 JOINTS_FILE, TRC_FILE = "joints.csv", "joints.trc"
 
 
-def reconstruct(
-    rig: CameraRig, clicked: Clicked, sigma_px: float = 1.0
-) -> dict[str, tuple[tuple[str, ...], ReconstructedPoint]]:
+def reconstruct(rig: CameraRig, clicked: Clicked, sigma_px: float = 1.0) -> dict[str, tuple[tuple[str, ...], ReconstructedPoint]]:
     """Places of all points that two cameras or more show.
 
     Parameters

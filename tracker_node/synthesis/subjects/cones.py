@@ -97,10 +97,7 @@ def _cone(cone: TruncatedCone, around: int) -> tuple[np.ndarray, np.ndarray, np.
         rings.append(np.stack([cone.a * scale * c, cone.b * scale * s, np.full(around, z)], axis=1))
     here, following = np.arange(around), (np.arange(around) + 1) % around
     sides = np.concatenate(
-        [
-            np.stack([here, following, following + around], axis=1),
-            np.stack([here, following + around, here + around], axis=1),
-        ]
+        [np.stack([here, following, following + around], axis=1), np.stack([here, following + around, here + around], axis=1)]
     )
     vertices, normals, faces = [*rings], [side_normals, side_normals], [sides]
     for ring, z, direction in ((rings[0], cone.z1, -1.0), (rings[1], cone.z2, 1.0)):

@@ -71,9 +71,7 @@ def assess_colors(
     if median < config.degraded_agreement:
         return Assessment(Status.DEGRADED, metrics)
     cameras = {name: float(s) for name, s in zip(rig.names, agreement.cameras, strict=True) if np.isfinite(s)}
-    status, reason = assess_cameras(
-        cameras, config.lost_agreement, present, len(rig), "colors do not agree", "where the body is"
-    )
+    status, reason = assess_cameras(cameras, config.lost_agreement, present, len(rig), "colors do not agree", "where the body is")
     if status is not Status.TRACKING:
         return Assessment(status, reason)
     parts = zip(model.shapes, agreement.parts, strict=True)

@@ -56,9 +56,7 @@ class BackgroundScores(ColorScores):
     ModelError : a part that is neither ellipsoid nor cone; no backgrounds at all.
     """
 
-    def __init__(
-        self, rig: CameraRig, model: ArticulatedModel, backgrounds: Mapping[str, np.ndarray | list], workers: Workers
-    ):
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, backgrounds: Mapping[str, np.ndarray | list], workers: Workers):
         if not backgrounds:
             raise ModelError("the modality color_over_background needs images of the background: give cameras of the rig one")
         self._model = model
@@ -161,9 +159,7 @@ class BackgroundSearch(ColorSearch):
         tangents = np.zeros((1 + len(turns), chain.n_dof))
         tangents[1:, limb.dofs] = turns
         coarse = self._objective.at_row_step(2)
-        search = PoseSearch(
-            chain, lambda poses: -coarse.scores([poses.state(i) for i in range(len(poses))]), limb.dofs, rng
-        )
+        search = PoseSearch(chain, lambda poses: -coarse.scores([poses.state(i) for i in range(len(poses))]), limb.dofs, rng)
         poses, _ = search.run(Poses.of([clip_to_limits(around, chain)] * len(tangents)).retracted(tangents), [], 1)
         variables = np.flatnonzero(limb.dofs).tolist()
         return step_downhill(self._objective, poses.state(0), chain, _FIRST_STAGE, variables).state

@@ -80,9 +80,7 @@ class ColorSolver(Solver):
     search : finds states.
     """
 
-    def __init__(
-        self, model: ArticulatedModel, config: ColorOverBackgroundConfig, modality: ColorModality, search: ColorSearch
-    ):
+    def __init__(self, model: ArticulatedModel, config: ColorOverBackgroundConfig, modality: ColorModality, search: ColorSearch):
         self._model, self._config, self._modality, self._search = model, config, modality, search
         self._limbs = [limb for limb in limbs_of(model)[1:] if limb.dofs.any()]
         self.reset()
@@ -134,9 +132,7 @@ class AlignmentSearch(ColorSearch):
         passes, coarsest = config.first_passes if first else config.passes, config.levels - 1
         options = LevenbergMarquardtOptions(max_iterations=config.iterations, tolerance=_TOLERANCE)
         # All parts share the coarsest level's points
-        stages = [
-            Stage(coarsest, options, dofs=part.dofs, links=part.links, renew=i == 0) for i, part in enumerate(self._parts)
-        ]
+        stages = [Stage(coarsest, options, dofs=part.dofs, links=part.links, renew=i == 0) for i, part in enumerate(self._parts)]
         stages += [Stage(level, options) for level in range(coarsest, -1, -1) for _ in range(passes)]
         return self._fitter.fit(start, self._modality, stages, priors)
 

@@ -45,13 +45,7 @@ class LimbAlternatives:
     workers : threads that share poses.
     """
 
-    def __init__(
-        self,
-        model: ArticulatedModel,
-        cameras: Sequence[Camera],
-        evidence: StartEvidence,
-        workers: Workers,
-    ):
+    def __init__(self, model: ArticulatedModel, cameras: Sequence[Camera], evidence: StartEvidence, workers: Workers):
         self._model, self._cameras, self._evidence = model, tuple(cameras), evidence
         self._score = AreaScore(model, cameras, workers)
         shapes = np.arange(len(model.shapes), dtype=np.int32)
