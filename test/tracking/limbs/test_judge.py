@@ -420,3 +420,14 @@ def test_the_body_in_words():
     assert said("TLDUD") == "limb1 lost" and said("TTDUD") == "limb2, limb4 uncertain" and said("TTTUU") == "limb3, limb4 unseen"
     assert said("LTTTT") == "limb0: why" and said("UUU") == "no camera sees the body where it is expected"
     assert said("UTT") == "limb0 unseen"
+
+
+def test_outlines_are_compared_with_those_of_sets_in_which_silhouettes_help_as_much():
+    """In clothes of the wall's colors nothing but a silhouette finds an outline; that points said where it is, is remembered."""
+    judge, sure = LimbJudge(MODEL, StatusConfig()), np.full(len(NAMES), -6.0)
+    judge.update(evidence(0.9), STATE, None, sure, True)
+    assert statuses(told(judge, evidence(0.15), 5)) == {}
+    assert judge.odds(1, np.zeros(4)) < 7.3 / 2.0  # an outline that is hardly ever found says little
+    unknown = LimbJudge(MODEL, StatusConfig())
+    assert statuses(told(unknown, evidence(0.9))) == {}
+    assert set(statuses(told(unknown, evidence(0.15), 5)).values()) == {LimbStatus.LOST}

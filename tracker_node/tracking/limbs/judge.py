@@ -37,7 +37,8 @@ _START = 0.3  # probability of lost that a limb starts with
 MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
 # Log odds of lost: the constant, and what each measure adds, in shares of its level while all is well
 COEFFICIENTS = np.array([7.3, -3.3, -2.8, -0.5, -3.2])
-_LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, whatever it has always been
+_LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, whatever it has always been...
+_LEAST_CONFIRMED = 0.25 * _LEAST_LEVELS  # ...unless points say that it is: clothes may have the colors of what is behind them
 _LEVEL_RATE = 0.05  # weight of the newest image set in the levels
 
 
@@ -106,24 +107,26 @@ class LimbJudge:
     def reset(self) -> None:
         """Forget the evidence of limbs."""
         self._levels: np.ndarray | None = None  # (n_limbs, n_measures)
+        self._set_aside: np.ndarray | None = None  # those of sets in which silhouettes help to find outlines, or do not
+        self._helped: bool | None = None
         self.shares = np.full((len(self.limbs), len(MEASURES)), np.nan)
         self.restart()
 
     def restart(self) -> None:
         """A state has been handed over; nobody knows how good it is."""
-        self.was_lost = self._levels is None or self.body_lost
+        self.was_lost = not self.knows or self.body_lost
         self.probabilities = np.full(len(self.limbs), _START)
         self._confirmed = np.ones(len(self.limbs), dtype=np.bool_)
 
     @property
     def knows(self) -> bool:
         """Whether anything has been seen that limbs can be compared with."""
-        return self._levels is not None
+        return self._helped is not None
 
     @property
     def lost(self) -> list[int]:
         """Indices of the limbs that were more likely lost than not, at the last `update`."""
-        return np.flatnonzero(self.probabilities >= 0.5).tolist() if self._levels is not None else []
+        return np.flatnonzero(self.probabilities >= 0.5).tolist() if self.knows else []
 
     @property
     def body_lost(self) -> bool:
@@ -132,8 +135,9 @@ class LimbJudge:
         return 0 in lost or 2 * len(lost) > len(self.limbs)
 
     def update(
-        self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None
-    ) -> tuple[LimbReport, ...]:
+        self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None,
+        helped: bool = False,
+    ) -> tuple[LimbReport, ...]:  # fmt: skip
         """Take in an image set.
 
         Parameters
@@ -142,12 +146,16 @@ class LimbJudge:
         state : of the body.
         covariance : (n_dof, n_dof) of ``state`` in its tangent; None: not known.
         others : (n_limbs,) log odds of being lost by the points of a detector, nan without any; None: no detector has looked.
+        helped : silhouettes of a detector help to find the outlines.
 
         Returns
         -------
         One report a limb, the trunk's first.
         """
         measures = [limb_measures(evidence, limb.shapes) for limb in self.limbs]
+        if self._helped is not None and helped != self._helped:
+            self._levels, self._set_aside = self._set_aside, self._levels
+        self._helped = helped
         if self._levels is None:
             self._levels = self._first_levels(measures)
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
@@ -179,17 +187,24 @@ class LimbJudge:
         -------
         Natural logarithm.
         """
-        return float(COEFFICIENTS[0] + self._shares_of(i, measures) @ COEFFICIENTS[1:])
+        assert self._levels is not None
+        tells = min(float(self._levels[i, 0] / _LEAST_LEVELS[0]), 1.0)  # an outline that is hardly ever found says little
+        return tells * float(COEFFICIENTS[0] + self._shares_of(i, measures) @ COEFFICIENTS[1:])
 
     def _shares_of(self, i: int, measures: np.ndarray) -> np.ndarray:
         assert self._levels is not None
         return np.minimum(measures / self._levels[i], 1.5)
 
     def _first_levels(self, measures: Sequence[np.ndarray | None]) -> np.ndarray:
-        """Those of the median limb, for all: one that is off from the beginning is not to be the standard of itself."""
+        """Those of the median limb, for all: one that is off from the beginning is not to be the standard of itself; its own of
+        a limb that was in place in sets of the other kind."""
         seen = [m for m in measures if m is not None]
         median = np.median(seen, axis=0) if seen else _LEAST_LEVELS
-        return np.tile(np.maximum(median, _LEAST_LEVELS), (len(self.limbs), 1))
+        levels = np.tile(np.maximum(median, _LEAST_LEVELS), (len(self.limbs), 1))
+        for i, own in enumerate(measures):
+            if self._set_aside is not None and own is not None and self.probabilities[i] < self._config.limb_degraded:
+                levels[i] = np.maximum(own, _LEAST_CONFIRMED)
+        return levels
 
     def nothing_seen(self) -> tuple[LimbReport, ...]:
         """Reports of a set in which no camera sees anything."""
@@ -219,7 +234,8 @@ class LimbJudge:
         self.probabilities[i] = p
         if p < config.limb_degraded and measures is not None and self._confirmed[i]:
             assert self._levels is not None
-            self._levels[i] = np.maximum(self._levels[i] + _LEVEL_RATE * (measures - self._levels[i]), _LEAST_LEVELS)
+            least = _LEAST_CONFIRMED if others else np.minimum(self._levels[i], _LEAST_LEVELS)
+            self._levels[i] = np.maximum(self._levels[i] + _LEVEL_RATE * (measures - self._levels[i]), least)
         probability = 1.0 - (1.0 - p) * (1.0 - elsewhere)
         status, reason = self._status(probability), ""
         if status is LimbStatus.TRACKING and not self._confirmed[i]:

@@ -69,7 +69,8 @@ class RegionJudge(Judge):
             reason = "no camera sees the body where it is expected"
             return Assessment(Status.LOST, reason, noise=True, limbs=self.limbs.nothing_seen(), log_ratio=_UNSEEN)
         by_points = self._by_points(fit)
-        reports = self.limbs.update(evidence, fit.state, self._of(fit)[1][0], by_points)
+        helped = self._fitting.region.has_silhouettes
+        reports = self.limbs.update(evidence, fit.state, self._of(fit)[1][0], by_points, helped)
         status, reason = body_status(reports)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set, fit.correspondences.active)

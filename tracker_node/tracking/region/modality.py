@@ -100,6 +100,11 @@ class RegionModality(Modality):
         """See `Modality.surfaces`; followed while points hold the joints."""
         return None if self._surfaces is None else self._surfaces.surfaces.means
 
+    @property
+    def has_silhouettes(self) -> bool:
+        """Whether a detector has found the body's pixels in any of the present images."""
+        return any(view is not None and view.silhouette[0].size for view in self.views)
+
     def reset(self) -> None:
         """Only the colors that the model states, and the images of the background, are known."""
         self.appearance.reset()
