@@ -38,7 +38,7 @@ class CharucoReference:
         if len(found) < LEAST_CORNERS:
             return None
         on_plate, in_world = self._corners[list(found)], np.array(list(found.values()))
-        T = rigid_fit(on_plate, in_world)
+        T = se3.rigid_fit(on_plate, in_world)
         fit = float(np.sqrt(np.mean(np.sum((se3.apply(T, on_plate) - in_world) ** 2, axis=1))))
         return T, fit, self._reprojection(T, seen)
 
@@ -59,11 +59,3 @@ class CharucoReference:
                 at, _ = self._rig.cameras[i].project(se3.apply(T, self._corners[corner : corner + 1]))
                 squares.append(float(np.sum((at[0] - pixel) ** 2)))
         return float(np.sqrt(np.mean(squares)))
-
-
-def rigid_fit(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """T (4, 4) that takes points (n, 3) nearest to others (Kabsch)."""
-    a, b = source.mean(axis=0), target.mean(axis=0)
-    U, _, Vt = np.linalg.svd((source - a).T @ (target - b))
-    R = Vt.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(Vt.T @ U.T))]) @ U.T
-    return se3.from_rotation_translation(R, b - R @ a)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmark._charuco import rigid_fit
 from tracker_node.calibration.board.adjustment import BoardAdjustmentOptions, BoardState, adjust_boards
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.refinement import BoardRigOptions, rows_of
@@ -113,7 +112,7 @@ def differences(found: CameraRig, true: CameraRig) -> tuple[list[float], list[fl
     wanted = np.array([true[name].T_world_cam for name in found.names])
     poses = np.array([camera.T_world_cam for camera in found])
     arms = np.vstack([np.eye(3), -np.eye(3)])
-    poses = rigid_fit(*(np.vstack([se3.apply(T, arms) for T in Ts]) for Ts in (poses, wanted))) @ poses
+    poses = se3.rigid_fit(*(np.vstack([se3.apply(T, arms) for T in Ts]) for Ts in (poses, wanted))) @ poses
     places = [float(np.linalg.norm(a[:3, 3] - b[:3, 3])) for a, b in zip(poses, wanted, strict=True)]
     turns = [float(np.linalg.norm(so3.log(a[:3, :3].T @ b[:3, :3]))) for a, b in zip(poses, wanted, strict=True)]
     focal = [float(np.abs(np.diag(c.model.K)[:2] / np.diag(true[c.name].model.K)[:2] - 1.0).max()) for c in found]

@@ -19,8 +19,6 @@ def charuco_texture(
 ) -> np.ndarray:
     """Texture of a ChArUco board as OpenCV draws it.
 
-    ``dictionary`` is a name of `cv2.aruco` such as ``DICT_4X4_1000``. ``inverted`` boards have white and black exchanged.
-
     Parameters
     ----------
     columns, rows : squares.
@@ -43,8 +41,6 @@ def charuco_texture(
 
 def framed(texture: np.ndarray, borders: Sequence[tuple[int, int, int, int, int]]) -> np.ndarray:
     """The texture with borders around it.
-
-    Each border is (left, right, top, bottom, gray level), widths in texels.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def seen_points(rig: CameraRig, clicks: Mapping[str, Mapping[str, np.ndarray]]) 
 
 
 def onto_points(points: np.ndarray, targets: np.ndarray, with_scale: bool = False) -> WorldChange:
-    """The least-squares rigid motion, or similarity, of points to targets (Umeyama 1991).
+    """The least-squares rigid motion, or similarity, of points to targets.
 
     Parameters
     ----------
@@ -117,10 +117,8 @@ def onto_points(points: np.ndarray, targets: np.ndarray, with_scale: bool = Fals
         if len(points) < 3 or singular[0] < LEAST_M or singular[1] < _LINE * singular[0]:
             problem = "do not span a plane: three that do not lie on a line are the least"
             raise TrackerError(f"the {len(points)} points, as {what}, {problem}")
-    u, s, vt = np.linalg.svd(t.T @ p)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation = u @ np.diag(signs) @ vt
-    scale = float((s * signs).sum() / (p**2).sum()) if with_scale else 1.0
+    rotation = se3.rigid_fit(points, targets)[:3, :3]
+    scale = float(np.sum(t * (p @ rotation.T)) / np.sum(p**2)) if with_scale else 1.0
     change = WorldChange(rotation, middle_t - scale * rotation @ middle_p, scale)
     return replace(change, residuals_m=np.linalg.norm(change.points(points) - targets, axis=1))
 

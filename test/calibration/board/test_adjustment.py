@@ -55,7 +55,7 @@ def test_gradient_of_the_cost():
     numeric = numerical_jacobian(cost, d + 6 * n + c * n, 1e-6)
     # What is left of the gradient after the stamps are eliminated: as if each view's stamp had its best value to first order
     by_stamp = numeric[d + 6 * n :].reshape(n, c)
-    full = np.concatenate([equations.gradient_cameras, equations.gradient_poses.ravel()])
+    full = np.concatenate([equations.gradient_shared, equations.gradient_blocks.ravel()])
     for stamps in equations.stamps:
         np.testing.assert_allclose(stamps.gradient, by_stamp[:, stamps.camera], rtol=1e-4, atol=1e-3)
         share = stamps.gradient / stamps.precision
@@ -72,8 +72,8 @@ def test_eliminating_is_the_same_as_solving_for_everything():
     before, after = task.cost(state), task.cost(_moved(state, cameras, poses, late_s))
     again = task.linearize(_moved(state, cameras, poses, late_s))
     assert after < 0.02 * before
-    for name in ("gradient_cameras", "gradient_poses"):
-        free = equations.free if name == "gradient_cameras" else slice(None)
+    for name in ("gradient_shared", "gradient_blocks"):
+        free = equations.free if name == "gradient_shared" else slice(None)
         assert np.abs(getattr(again, name)[free]).max() < 0.1 * np.abs(getattr(equations, name)[free]).max()
 
 

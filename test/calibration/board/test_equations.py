@@ -130,7 +130,7 @@ def test_a_lens_prior_is_of_that_lens_alone(seen):
     gradient, precision = np.arange(1.0, 5.0), np.arange(5.0, 9.0)
     result.add_lens_prior(1, gradient, precision)
     lens = slice(P + N_PLACE, 2 * P)
-    assert np.allclose(np.diag(result.cameras - before.cameras)[lens], precision)
-    assert np.allclose((result.gradient_cameras - before.gradient_cameras)[lens], gradient)
-    assert np.count_nonzero(result.cameras - before.cameras) == N_LENS
-    assert np.count_nonzero(result.gradient_cameras - before.gradient_cameras) == N_LENS
+    assert np.allclose(np.diag(result.shared - before.shared)[lens], precision)
+    assert np.allclose((result.gradient_shared - before.gradient_shared)[lens], gradient)
+    assert np.count_nonzero(result.shared - before.shared) == N_LENS
+    assert np.count_nonzero(result.gradient_shared - before.gradient_shared) == N_LENS

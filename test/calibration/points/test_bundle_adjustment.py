@@ -37,7 +37,7 @@ def test_gradient_agrees_with_finite_differences_of_the_cost():
     rng = np.random.default_rng(0)
     start = np.array([se3.exp(rng.normal(size=6) * 0.01) @ T for T in problem.given_Ts_cam_world])
     points = problem.start_points + rng.normal(size=problem.start_points.shape) * 0.01
-    blocks = problem.linearize(start, points)
+    equations = problem.linearize(start, points)
     step = 1e-6
     for camera in range(3):
         for k in range(6):
@@ -49,12 +49,12 @@ def test_gradient_agrees_with_finite_differences_of_the_cost():
                 moved[camera] = se3.exp(sign * twist) @ start[camera]
                 costs.append(problem.cost(moved, points))
             numeric = (costs[0] - costs[1]) / (2.0 * step)
-            assert 2.0 * blocks.gradient_cameras[camera, k] == pytest.approx(numeric, rel=2e-4, abs=1e-3)
+            assert 2.0 * equations.gradient_shared[6 * camera + k] == pytest.approx(numeric, rel=2e-4, abs=1e-3)
     for k in range(3):
         move = np.zeros_like(points)
         move[2, k] = step
         numeric = (problem.cost(start, points + move) - problem.cost(start, points - move)) / (2.0 * step)
-        assert 2.0 * blocks.gradient_points[2, k] == pytest.approx(numeric, rel=1e-4, abs=1e-3)
+        assert 2.0 * equations.gradient_blocks[2, k] == pytest.approx(numeric, rel=1e-4, abs=1e-3)
 
 
 def test_a_disturbed_rig_is_found_again_up_to_scale():
@@ -159,19 +159,15 @@ def test_a_point_behind_a_camera_that_has_seen_it_forbids_the_step():
     assert problem.weights[0, 1] == 0.0 and np.isfinite(problem.cost(problem.given_Ts_cam_world, behind))
 
 
-def dense(blocks, damping: float) -> tuple[np.ndarray, np.ndarray]:
+def dense(equations, damping: float) -> tuple[np.ndarray, np.ndarray]:
     """The whole normal equations of all cameras and points, damped along their diagonal."""
-    n, c = blocks.mixed.shape[:2]
-    H, g = np.zeros((6 * c + 3 * n, 6 * c + 3 * n)), np.zeros(6 * c + 3 * n)
-    for i in range(c):
-        H[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = blocks.cameras[i]
-        g[6 * i : 6 * i + 6] = blocks.gradient_cameras[i]
+    n, d, _ = equations.mixed.shape
+    H, g = np.zeros((d + 3 * n, d + 3 * n)), np.zeros(d + 3 * n)
+    H[:d, :d], g[:d] = equations.shared, equations.gradient_shared
     for k in range(n):
-        at = slice(6 * c + 3 * k, 6 * c + 3 * k + 3)
-        H[at, at], g[at] = blocks.points[k], blocks.gradient_points[k]
-        for i in range(c):
-            H[6 * i : 6 * i + 6, at] = blocks.mixed[k, i]
-            H[at, 6 * i : 6 * i + 6] = blocks.mixed[k, i].T
+        at = slice(d + 3 * k, d + 3 * k + 3)
+        H[at, at], g[at] = equations.blocks[k], equations.gradient_blocks[k]
+        H[:d, at], H[at, :d] = equations.mixed[k], equations.mixed[k].T
     return H + damping * np.diag(np.diag(H)), g
 
 
@@ -180,14 +176,21 @@ def test_a_step_solves_the_whole_system_with_the_first_camera_held(damping):
     problem, _ = small_problem(6)
     rng = np.random.default_rng(4)
     T = np.array([se3.exp(0.02 * rng.normal(size=6)) @ G for G in problem.given_Ts_cam_world])
-    blocks = problem.linearize(T, problem.start_points + 0.02 * rng.normal(size=problem.start_points.shape))
-    twists, moves = problem.step(blocks, damping)
-    H, g = dense(blocks, damping)
+    points = problem.start_points + 0.02 * rng.normal(size=problem.start_points.shape)
+    equations = problem.linearize(T, points)
+    twists, moves = equations.move(damping)
+    H, g = dense(equations, damping)
+    assert not twists[:6].any()
     expected = -np.linalg.solve(H[6:, 6:], g[6:])
-    assert not twists[0].any()
-    np.testing.assert_allclose(np.concatenate([twists[1:].ravel(), moves.ravel()]), expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(np.concatenate([twists[6:], moves.ravel()]), expected, rtol=1e-6, atol=1e-9)
+    equations.held[2, 1] = True  # then the others' as if it were not there
+    rest = np.delete(np.arange(6, len(g)), 12 + 3 * 2 + 1)
+    twists, moves = equations.move(damping)
+    assert moves[2, 1] == 0.0
+    expected = -np.linalg.solve(H[np.ix_(rest, rest)], g[rest])
+    np.testing.assert_allclose(np.delete(np.concatenate([twists[6:], moves.ravel()]), 12 + 7), expected, rtol=1e-6, atol=1e-9)
     problem.options = AdjustmentOptions(free_cameras=False)
-    twists, moves = problem.step(blocks, damping)
+    twists, moves = problem.linearize(T, points).move(damping)
     assert not twists.any()
     np.testing.assert_allclose(moves.ravel(), -np.linalg.solve(H[18:, 18:], g[18:]), rtol=1e-6, atol=1e-9)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+
+from ..levenberg_marquardt import ArrowEquations
 
 CLOCK, N_PLACE = 6, 7  # of a camera's parameters: six for its place, then the clock, then the lens
 
@@ -25,22 +27,19 @@ class CameraRows:
     by_stamp: np.ndarray
 
 
-@dataclass(eq=False)
-class BoardEquations:
-    """All cameras (d, d), board poses (n, 6, 6), mixed (n, d, 6), gradients; ``free`` (d,) is what is sought of the cameras.
+class BoardEquations(ArrowEquations):
+    """Cameras share the poses of the board at the time steps, which are the blocks; stamps are eliminated before.
 
-    ``offsets`` (c + 1,) says where each camera's parameters begin.
+    Parameters
+    ----------
+    offsets : (c + 1,) where each camera's parameters begin.
+    n_time_steps : poses.
     """
 
-    offsets: np.ndarray
-    n_time_steps: int
-    stamps: list[_Stamps] = field(default_factory=list)
-
-    def __post_init__(self):
-        d, n = int(self.offsets[-1]), self.n_time_steps
-        self.cameras, self.poses, self.mixed = np.zeros((d, d)), np.zeros((n, 6, 6)), np.zeros((n, d, 6))
-        self.gradient_cameras, self.gradient_poses = np.zeros(d), np.zeros((n, 6))
-        self.free = np.ones(d, dtype=bool)
+    def __init__(self, offsets: np.ndarray, n_time_steps: int):
+        super().__init__(int(offsets[-1]), n_time_steps, 6)
+        self.offsets, self.n_time_steps = offsets, n_time_steps
+        self.stamps: list[_Stamps] = []
 
     def part(self, camera: int) -> slice:
         return slice(self.offsets[camera], self.offsets[camera + 1])
@@ -49,10 +48,10 @@ class BoardEquations:
         part = self.part(rows.camera)
         weighted_camera = rows.weights[:, None, None] * rows.by_camera
         weighted_pose = rows.weights[:, None, None] * rows.by_pose
-        self.cameras[part, part] += np.einsum("mri,mrj->ij", weighted_camera, rows.by_camera)
-        self.gradient_cameras[part] += np.einsum("mri,mr->i", weighted_camera, rows.residuals)
-        self.poses += self._by_time_step(rows, np.einsum("mri,mrj->mij", weighted_pose, rows.by_pose))
-        self.gradient_poses += self._by_time_step(rows, np.einsum("mri,mr->mi", weighted_pose, rows.residuals))
+        self.shared[part, part] += np.einsum("mri,mrj->ij", weighted_camera, rows.by_camera)
+        self.gradient_shared[part] += np.einsum("mri,mr->i", weighted_camera, rows.residuals)
+        self.blocks += self._by_time_step(rows, np.einsum("mri,mrj->mij", weighted_pose, rows.by_pose))
+        self.gradient_blocks += self._by_time_step(rows, np.einsum("mri,mr->mi", weighted_pose, rows.residuals))
         self.mixed[:, part] += self._by_time_step(rows, np.einsum("mri,mrj->mij", weighted_camera, rows.by_pose))
 
     def eliminate_stamps(self, rows: CameraRows, late_s: np.ndarray, prior: float) -> None:
@@ -74,10 +73,10 @@ class BoardEquations:
         )
         part, slope = self.part(rows.camera), stamps.gradient / stamps.precision
         with_camera, with_pose = stamps.with_camera / stamps.precision[:, None], stamps.with_pose / stamps.precision[:, None]
-        self.cameras[part, part] -= stamps.with_camera.T @ with_camera
-        self.gradient_cameras[part] -= stamps.with_camera.T @ slope
-        self.poses -= with_pose[:, :, None] * stamps.with_pose[:, None]
-        self.gradient_poses -= stamps.with_pose * slope[:, None]
+        self.shared[part, part] -= stamps.with_camera.T @ with_camera
+        self.gradient_shared[part] -= stamps.with_camera.T @ slope
+        self.blocks -= with_pose[:, :, None] * stamps.with_pose[:, None]
+        self.gradient_blocks -= stamps.with_pose * slope[:, None]
         self.mixed[:, part] -= with_camera[:, :, None] * stamps.with_pose[:, None]
         self.stamps.append(stamps)
 
@@ -91,8 +90,8 @@ class BoardEquations:
         gradient, precision : (p,) half gradient and second derivative of the prior's cost, by lens parameter.
         """
         lens = np.arange(self.offsets[camera] + N_PLACE, self.offsets[camera + 1])
-        self.cameras[lens, lens] += precision
-        self.gradient_cameras[lens] += gradient
+        self.shared[lens, lens] += precision
+        self.gradient_shared[lens] += gradient
 
     def hold(self, free_cameras: bool, free_clocks: bool, free_lenses: bool) -> None:
         """Say what is estimated; place and clock of the first camera are always held.
@@ -108,12 +107,7 @@ class BoardEquations:
 
     def step(self, damping: float) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
         """One damped Gauss-Newton step: moves of every camera's parameters, of the poses (n, 6), and of the stamps (n, c)."""
-        inverse = np.linalg.inv(_damped(self.poses, damping))
-        moves = np.zeros(len(self.free))
-        if self.free.any():
-            moves[self.free] = np.linalg.solve(*self._reduced(inverse, damping))
-        back = self.gradient_poses + np.einsum("ndk,d->nk", self.mixed, moves)
-        poses = -np.einsum("nij,nj->ni", inverse, back)
+        moves, poses = self.move(damping)
         late_s = np.zeros((self.n_time_steps, len(self.offsets) - 1))
         for stamps in self.stamps:
             change = stamps.with_camera @ moves[self.part(stamps.camera)] + (stamps.with_pose * poses).sum(axis=1)
@@ -122,18 +116,7 @@ class BoardEquations:
 
     def covariance(self) -> np.ndarray:
         """(d, d) of all cameras' parameters for residuals with an error of one pixel; zeros for what is held."""
-        full = np.zeros_like(self.cameras)
-        if self.free.any():
-            reduced, _ = self._reduced(np.linalg.inv(_damped(self.poses, 0.0)), 0.0)
-            full[np.ix_(self.free, self.free)] = np.linalg.pinv(reduced, hermitian=True)
-        return full
-
-    def _reduced(self, inverse: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
-        """Matrix and right side for the free parameters of the cameras alone."""
-        mixed = self.mixed[:, self.free]
-        gain = mixed @ inverse
-        matrix = _damped(self.cameras[np.ix_(self.free, self.free)], damping) - np.einsum("nik,njk->ij", gain, mixed)
-        return matrix, -self.gradient_cameras[self.free] + np.einsum("nik,nk->i", gain, self.gradient_poses)
+        return self.expanded(np.linalg.pinv(self.reduced(self.inverses(0.0), 0.0), hermitian=True))
 
     def _by_time_step(self, rows: CameraRows, values: np.ndarray) -> np.ndarray:
         """(n, ...) sums of values (m, ...) of the same time step."""
@@ -151,9 +134,3 @@ class _Stamps:
     gradient: np.ndarray
     with_camera: np.ndarray
     with_pose: np.ndarray
-
-
-def _damped(matrices: np.ndarray, damping: float) -> np.ndarray:
-    """Matrices (..., k, k) with their diagonals made larger by a fraction."""
-    diagonals = np.einsum("...ii->...i", matrices)
-    return matrices + (damping * diagonals + 1e-12)[..., None] * np.eye(matrices.shape[-1])

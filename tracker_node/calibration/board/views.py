@@ -68,8 +68,6 @@ def group_views(views: Mapping[str, Sequence[BoardView]], tolerance_s: float) ->
 def speeds(views: Sequence[BoardView], longest_s: float = LONGEST_GAP_S) -> np.ndarray:
     """How quickly the board moves in each of one camera's views, to the next before or after it, whichever is less.
 
-    Not-a-number where no other view is within ``longest_s``.
-
     Parameters
     ----------
     views : of one camera, in order of time.

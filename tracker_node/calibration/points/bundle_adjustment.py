@@ -1,9 +1,8 @@
 """Bundle adjustment: camera poses and points in space that best explain pixels seen by several cameras.
 
-Levenberg-Marquardt on SE(3) and R^3 with analytic derivatives; the points are eliminated (Schur complement), so a step costs one
-small system whatever their number (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6). A robust loss and a
-prior that holds each camera near its given place make it fit for two-dimensional joints found by a network, which are
-neither exact nor free of confusions; the prior also fixes the scale, which images alone do not tell.
+Levenberg-Marquardt on SE(3) and R^3 with analytic derivatives. A robust loss and a prior that holds each camera near its given
+place make it fit for two-dimensional joints found by a network, which are neither exact nor free of confusions; the prior also
+fixes the scale, which images alone do not tell.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...geometry import se3, so3
-from ..levenberg_marquardt import descend
+from ..levenberg_marquardt import ArrowEquations, descend
 from .triangulation import reproject, triangulate
 
 
@@ -105,17 +104,6 @@ def adjust(rig: CameraRig, observations: PointObservations, options: AdjustmentO
     return problem.solve()
 
 
-@dataclass
-class _Linearization:
-    """Blocks of the normal equations: cameras (c, 6, 6), points (n, 3, 3), mixed (n, c, 6, 3), and gradients."""
-
-    cameras: np.ndarray
-    points: np.ndarray
-    mixed: np.ndarray
-    gradient_cameras: np.ndarray
-    gradient_points: np.ndarray
-
-
 class _Problem:
     def __init__(self, rig: CameraRig, observations: PointObservations, options: AdjustmentOptions):
         self.models = [camera.model for camera in rig]
@@ -146,11 +134,11 @@ class _Problem:
 
     def _steps(self, start: tuple[np.ndarray, np.ndarray]) -> Callable[[float], tuple[np.ndarray, np.ndarray]]:
         """From a damping to the transforms and points after a step from ``start``."""
-        blocks = self.linearize(*start)
+        equations = self.linearize(*start)
 
         def moved(damping: float) -> tuple[np.ndarray, np.ndarray]:
-            twists, moves = self.step(blocks, damping)
-            return np.array([se3.exp(t) @ T for t, T in zip(twists, start[0], strict=True)]), start[1] + moves
+            twists, moves = equations.move(damping)
+            return np.array([se3.exp(t) @ T for t, T in zip(twists.reshape(-1, 6), start[0], strict=True)]), start[1] + moves
 
         return moved
 
@@ -183,7 +171,8 @@ class _Problem:
         data = np.sum(self.weights * np.log1p(squares))
         return float(data + np.sum(self.prior_precision() * self.prior_twists(transforms) ** 2))
 
-    def linearize(self, transforms, points) -> _Linearization:
+    def linearize(self, transforms, points) -> ArrowEquations:
+        """Cameras share the points, which are the blocks; the first camera is held."""
         residuals, derivatives, seen = self._residuals(transforms, points)
         scale_sq = self.options.robust_scale_px**2
         weights = np.where(seen, self.weights, 0.0) / (scale_sq + np.sum(residuals**2, axis=-1))
@@ -198,34 +187,19 @@ class _Problem:
         twists = self.prior_twists(transforms)
         twist_D_step = np.array([_log_derivative(twist) for twist in twists])
         weighted_prior = self.prior_precision()[:, None] * twist_D_step
-        return _Linearization(
-            np.einsum("ncri,ncrj->cij", weighted_camera, by_camera) + np.einsum("cki,ckj->cij", weighted_prior, twist_D_step),
-            np.einsum("ncri,ncrj->nij", weighted_point, by_point),
-            np.einsum("ncri,ncrj->ncij", weighted_camera, by_point),
-            np.einsum("ncri,ncr->ci", weighted_camera, residuals) + np.einsum("cki,ck->ci", weighted_prior, twists),
-            np.einsum("ncri,ncr->ni", weighted_point, residuals),
-        )
-
-    def step(self, blocks: _Linearization, damping: float) -> tuple[np.ndarray, np.ndarray]:
-        """Camera twists (c, 6), the first zero, and point moves (n, 3) of one damped Gauss-Newton step."""
-        c = len(self.models)
-        inverse = np.linalg.inv(blocks.points + damping * _diagonals(blocks.points) + 1e-12 * np.eye(3))
-        twists = np.zeros((c, 6))
-        if self.options.free_cameras and c > 1:
-            gain = blocks.mixed @ inverse[:, None]  # (n, c, 6, 3)
-            schur = -np.einsum("naik,nbjk->aibj", gain, blocks.mixed)
-            for i in range(c):
-                schur[i, :, i, :] += blocks.cameras[i] + damping * np.diag(np.diag(blocks.cameras[i]))
-            right = -blocks.gradient_cameras + np.einsum("ncik,nk->ci", gain, blocks.gradient_points)
-            reduced = schur[1:, :, 1:, :].reshape(6 * (c - 1), 6 * (c - 1))
-            twists[1:] = np.linalg.solve(reduced, right[1:].ravel()).reshape(c - 1, 6)
-        back = blocks.gradient_points + np.einsum("ncik,ci->nk", blocks.mixed, twists)
-        return twists, -np.einsum("nij,nj->ni", inverse, back)
-
-
-def _diagonals(matrices: np.ndarray) -> np.ndarray:
-    """The matrices (n, k, k) with all but their diagonals put to zero."""
-    return matrices * np.eye(matrices.shape[-1])
+        equations = ArrowEquations(6 * c, n, 3)
+        by_cameras = np.einsum("ncri,ncrj->cij", weighted_camera, by_camera)
+        by_cameras += np.einsum("cki,ckj->cij", weighted_prior, twist_D_step)
+        for i, block in enumerate(by_cameras):
+            equations.shared[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = block
+        equations.blocks = np.einsum("ncri,ncrj->nij", weighted_point, by_point)
+        equations.mixed = np.einsum("ncri,ncrj->ncij", weighted_camera, by_point).reshape(n, 6 * c, 3)
+        by_prior = np.einsum("cki,ck->ci", weighted_prior, twists)
+        equations.gradient_shared = (np.einsum("ncri,ncr->ci", weighted_camera, residuals) + by_prior).ravel()
+        equations.gradient_blocks = np.einsum("ncri,ncr->ni", weighted_point, residuals)
+        equations.free[:] = self.options.free_cameras
+        equations.free[:6] = False
+        return equations
 
 
 def _log_derivative(twist: np.ndarray) -> np.ndarray:

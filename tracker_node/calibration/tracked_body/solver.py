@@ -1,8 +1,6 @@
 """Levenberg-Marquardt over contour lines of many image sets: a pose each, and a shape and cameras that all of them share.
 
-The Gauss-Newton matrix is an arrow: poses do not know each other. They are eliminated (Schur complement), so a step costs one
-small system whatever the number of sets (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6). Lines are
-fixed while the solver works; drawing them anew at the result, and solving again, is the caller's loop.
+Lines are fixed while the solver works; drawing them anew at the result, and solving again, is the caller's loop.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from ...model.shape_parameters import ShapeSpace
 from ...objective.constraints.prior import Prior
 from ...objective.normal_equations import LeastSquaresObjective
 from ...objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals, linearize_lines, normal_equations
-from ..levenberg_marquardt import Descent, descend
+from ..levenberg_marquardt import ArrowEquations, Descent, descend
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +152,6 @@ def solve(
 ) -> Solution:
     """Go downhill on fixed lines; deterministic. Joints stay within their limits.
 
-    ``damping`` is relative to the diagonal of the Gauss-Newton matrix, to begin with.
-
     Parameters
     ----------
     problem : what is given, and what is free.
@@ -240,20 +236,18 @@ def _packed_prior(problem: Problem) -> np.ndarray:
     return np.concatenate([problem.shared.shape, problem.shared.cameras.ravel()])
 
 
-class _Arrow:
-    """Normal equations around an estimate."""
+class _Arrow(ArrowEquations):
+    """Normal equations around an estimate: image sets share shape and cameras, their poses are the blocks."""
 
     def __init__(self, problem: Problem, lines: Sequence[ContourLines], estimate: Estimate, robust_px: float):
-        self._problem, self._estimate = problem, estimate
-        model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
-        self._chain = model.chain
-        n_shape, n_dof = len(estimate.s), model.n_dof
         sigmas, shared = _packed_prior(problem), _packed(estimate)
-        self._free = np.flatnonzero(sigmas > 0.0)
-        n, free = len(sigmas), self._free
-        H_shared, g_shared = np.diag(sigmas[free] ** -2.0), shared[free] * sigmas[free] ** -2.0
-        self._poses: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # H, g, and the mixed block (n_dof, free)
-        self._g_sets: list[np.ndarray] = []  # of what is shared, by the lines of each set
+        model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
+        n_shape, n_dof, n = len(estimate.s), model.n_dof, len(sigmas)
+        super().__init__(n, len(lines), n_dof)
+        self._estimate, self._chain, self.free = estimate, model.chain, sigmas > 0.0
+        self.precision = np.where(self.free, sigmas, np.inf) ** -2.0  # (d,) of the prior
+        self.shared, self.gradient_shared = np.diag(self.precision), shared * self.precision
+        self._by_set = np.zeros((len(lines), n))  # gradients of what is shared, by the lines of each set
         for k, own in enumerate(lines):
             states = problem.states_of(estimate, k)
             found = linearize_lines(own, problem.space, estimate.s, model, rig, states, problem.motions[k].velocity)
@@ -262,13 +256,16 @@ class _Arrow:
             by_shared[:, :n_shape] = found.by_shape
             columns = n_shape + N_CAMERA * own.camera[:, None] + np.arange(N_CAMERA)
             np.put_along_axis(by_shared, columns, found.by_camera, axis=1)
-            J = np.hstack([found.by_state, by_shared[:, free]])
+            J = np.hstack([found.by_state, by_shared])
             H, g = np.zeros((J.shape[1], J.shape[1])), np.zeros(J.shape[1])
             normal_equations(J, found.residuals, weights, H, g)
-            H_shared += H[n_dof:, n_dof:]
-            g_shared += g[n_dof:]
-            self._g_sets.append(g[n_dof:].copy())
-            H_pose, g_pose = H[:n_dof, :n_dof].copy(), g[:n_dof].copy()
+            self.shared += H[n_dof:, n_dof:]
+            self.gradient_shared += g[n_dof:]
+            self._by_set[k] = g[n_dof:]
+            self.mixed[k] = H[n_dof:, :n_dof]
+            H_pose, g_pose = self.blocks[k], self.gradient_blocks[k]
+            H_pose += H[:n_dof, :n_dof]
+            g_pose += g[:n_dof]
             for prior in problem.pose_priors[k]:
                 prior.add_to(H_pose, g_pose, estimate.states[k])
             for constraint in problem.constraints:
@@ -276,37 +273,14 @@ class _Arrow:
                 H_pose += equations.H
                 g_pose += equations.g
             H_pose[np.diag_indices(n_dof)] += 1e-9 * max(float(np.diag(H_pose).max()), 1e-12)
-            self._poses.append((H_pose, g_pose, H[:n_dof, n_dof:].copy()))
-        self._H, self._g = H_shared, g_shared
-
-    def _reduced(self, damping: float):
-        """Schur complement, its right side, and what the back-substitution needs."""
-        S, right, kept = self._H + damping * np.diag(np.diag(self._H)), -self._g.copy(), []
-        for k, (H, g, mixed) in enumerate(self._poses):
-            movable = self._movable(self._estimate.states[k], g)
-            inverse = np.linalg.inv(H[np.ix_(movable, movable)] + damping * np.diag(np.diag(H)[movable]))
-            gain = mixed[movable].T @ inverse
-            S = S - gain @ mixed[movable]
-            right += gain @ g[movable]
-            kept.append((movable, inverse))
-        return 0.5 * (S + S.T), right, kept
-
-    def _movable(self, state: State, g: np.ndarray) -> np.ndarray:
-        """Indices of what is not held by a joint limit."""
-        free = np.ones(len(g), dtype=bool)
-        q, slope = state.joint_positions, g[N_ROOT_DOF:]
-        free[N_ROOT_DOF:] = ~(((q <= self._chain.lower) & (slope > 0.0)) | ((q >= self._chain.upper) & (slope < 0.0)))
-        return np.flatnonzero(free)
+            q, slope = estimate.states[k].joint_positions, g_pose[N_ROOT_DOF:]
+            at_limit = ((q <= self._chain.lower) & (slope > 0.0)) | ((q >= self._chain.upper) & (slope < 0.0))
+            self.held[k, N_ROOT_DOF:] = at_limit
 
     def step(self, damping: float) -> Estimate:
-        S, right, kept = self._reduced(damping)
-        shared = np.zeros(len(_packed(self._estimate)))
-        if len(right):
-            shared[self._free] = np.linalg.solve(S, right)
+        shared, tangents = self.move(damping)
         states = []
-        for state, (_, g, mixed), (movable, inverse) in zip(self._estimate.states, self._poses, kept, strict=True):
-            tangent = np.zeros(len(g))
-            tangent[movable] = -inverse @ (g[movable] + mixed[movable] @ shared[self._free])
+        for state, tangent in zip(self._estimate.states, tangents, strict=True):
             moved = state.retract(tangent)
             states.append(State(moved.T_world_root, np.clip(moved.joint_positions, self._chain.lower, self._chain.upper)))
         n_shape = len(self._estimate.s)
@@ -315,29 +289,17 @@ class _Arrow:
 
     def shared_covariance(self) -> np.ndarray:
         """Of everything that is shared (zeros: held)."""
-        n = len(_packed(self._estimate))
-        result = np.zeros((n, n))
-        if len(self._free):
-            result[np.ix_(self._free, self._free)] = np.linalg.inv(self._reduced(0.0)[0])
-        return result
+        return self.expanded(np.linalg.inv(self.reduced(self.inverses(0.0), 0.0)))
 
     def clustered_covariance(self) -> np.ndarray:
         """As `shared_covariance`, by the scatter of the gradients of the sets, their poses eliminated."""
-        n, k = len(_packed(self._estimate)), len(self._g_sets)
-        result = np.zeros((n, n))
-        if not len(self._free):
-            return result
-        S, _, kept = self._reduced(0.0)
-        scores = np.array([
-            own - mixed[movable].T @ (inverse @ g[movable])
-            for own, (_, g, mixed), (movable, inverse) in zip(self._g_sets, self._poses, kept, strict=True)
-        ])  # fmt: skip
+        inverses, k = self.inverses(0.0), len(self._by_set)
+        eliminated = np.einsum("ndk,nkj,nj->nd", self.mixed, inverses, self.gradient_blocks)
+        scores = (self._by_set - eliminated)[:, self.free]
         scores = scores - scores.mean(axis=0)
-        prior = np.diag(_packed_prior(self._problem)[self._free] ** -2.0)
-        inverse = np.linalg.inv(S)
-        spread = scores.T @ scores * (k / max(k - 1, 1))
-        result[np.ix_(self._free, self._free)] = inverse @ (spread + prior) @ inverse
-        return result
+        spread = scores.T @ scores * (k / max(k - 1, 1)) + np.diag(self.precision[self.free])
+        inverse = np.linalg.inv(self.reduced(inverses, 0.0))
+        return self.expanded(inverse @ spread @ inverse)
 
 
 def _composed(departures: np.ndarray, steps: np.ndarray) -> np.ndarray:
