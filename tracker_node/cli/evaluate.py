@@ -65,9 +65,7 @@ def run(args: argparse.Namespace) -> int:
     reviews = []
     for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
         compared = EvaluationOptions(name, lag, args.align, args.image_sets)
-        files = RunFiles(
-            path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image
-        )
+        files = RunFiles(path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image)
         reviews.append(review_run(files, _say))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
     metrics = report.write_report(folder, reviews, options, _say)

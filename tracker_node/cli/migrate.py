@@ -12,9 +12,7 @@ EXAMPLE = "tracker_node migrate tracker.yaml"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "file",
-        metavar="FILE",
-        help="recording.yaml, rig.yaml, model.yaml, or tracker.yaml (plain or as a ROS parameter file)",
+        "file", metavar="FILE", help="recording.yaml, rig.yaml, model.yaml, or tracker.yaml (plain or as a ROS parameter file)"
     )
     parser.add_argument("-o", "--output", metavar="FILE", help="where to write (default: there; the old one to NAME.old)")
 

@@ -207,11 +207,7 @@ def _place(setup: Setup, index: int) -> Iterator[Correction]:
 
 
 def _fitted(
-    setup: Setup,
-    index: int,
-    repaired: Callable[[np.ndarray], Camera],
-    simplex: np.ndarray,
-    sigmas: np.ndarray,
+    setup: Setup, index: int, repaired: Callable[[np.ndarray], Camera], simplex: np.ndarray, sigmas: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Numbers that make a camera agree best with the others, and by how much; what is hardly seen is held at zero."""
 

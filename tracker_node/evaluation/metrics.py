@@ -87,9 +87,7 @@ def offset_free_errors(
     return np.linalg.norm(difference - offsets, axis=-1), offsets
 
 
-def bone_lengths(
-    positions: np.ndarray, valid: np.ndarray, bones: Sequence[tuple[int, int]]
-) -> tuple[np.ndarray, np.ndarray]:
+def bone_lengths(positions: np.ndarray, valid: np.ndarray, bones: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
     """Distances between pairs of landmarks.
 
     Parameters

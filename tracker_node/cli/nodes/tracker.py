@@ -26,9 +26,7 @@ def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -
     parser.add_argument("--rig", required=required, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
     parser.add_argument("--model", required=required, metavar="FILE", help="model.yaml or URDF: the body to track")
     parser.add_argument(
-        "--occluders",
-        metavar="FILE",
-        help="model.yaml or URDF: fixed things that may hide the body, in the world's frame",
+        "--occluders", metavar="FILE", help="model.yaml or URDF: fixed things that may hide the body, in the world's frame"
     )
     parser.add_argument("--config", metavar="FILE", help="tracker parameters (default: built in)")
     parser.add_argument(

@@ -55,9 +55,7 @@ class StillDifference:
     trimmed_px: int = 2
 
 
-def still_difference_mask(
-    image_bgr: np.ndarray, still_bgr: np.ndarray, thresholds: StillDifference | None = None
-) -> np.ndarray:
+def still_difference_mask(image_bgr: np.ndarray, still_bgr: np.ndarray, thresholds: StillDifference | None = None) -> np.ndarray:
     """Silhouette of the one body that the still does not show.
 
     The still is first given the image's exposure and white balance (one gain a channel, the median ratio). What lies along
@@ -124,10 +122,7 @@ def _coarse_mask(image_bgr: np.ndarray, still_bgr: np.ndarray, gains: np.ndarray
 
 def _box(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
     u, v, width, height = cv2.boundingRect(mask)
-    return (
-        slice(max(v - margin_px, 0), v + height + margin_px),
-        slice(max(u - margin_px, 0), u + width + margin_px),
-    )
+    return (slice(max(v - margin_px, 0), v + height + margin_px), slice(max(u - margin_px, 0), u + width + margin_px))
 
 
 def channel_gains(image_bgr: np.ndarray, still_bgr: np.ndarray) -> np.ndarray:

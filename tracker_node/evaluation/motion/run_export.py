@@ -212,9 +212,7 @@ def _filtered(motion: RunMotion, cutoff: float | str) -> StateKinematics:
     return found
 
 
-def _write(
-    motion: RunMotion, output: Path, to: str, options: ExportOptions, kinematics: StateKinematics | None
-) -> list[str]:
+def _write(motion: RunMotion, output: Path, to: str, options: ExportOptions, kinematics: StateKinematics | None) -> list[str]:
     if to != "csv":
         return WRITERS[to](motion, output, options)
     found = tables(motion, options, kinematics)
