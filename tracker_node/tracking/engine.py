@@ -111,6 +111,19 @@ class Solver(Fits, Protocol):
         """A state is handed over; whether it is to be taken as it is, with what has been learned."""
         return False
 
+    def refit(self, start: State, prior: Prior | None) -> Fit:
+        """A fit of a set that is not the newest any more: searches are for that.
+
+        Parameters
+        ----------
+        start, prior : as of `fit`.
+
+        Returns
+        -------
+        The fit.
+        """
+        return self.fit(start, False, prior)
+
     def support(self, state: State) -> float | None:
         """Log-likelihood that the present images gain by a body in ``state``; None before one was tracked."""
         return None
@@ -225,6 +238,10 @@ class AnyEngine(Fits, Assesses, Finds, Protocol):
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit: ...
 
+    def refit(self, start: State, prior: Prior | None) -> Fit:
+        """See `Solver.refit`."""
+        return self.fit(start, False, prior)
+
     def learn(self, images: Images, state: State) -> None:
         """Learn what the body and its surroundings look like now.
 
@@ -305,6 +322,9 @@ class Engine(AnyEngine):
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit the body by the engine's solver."""
         return self.solver.fit(start, first, prior)
+
+    def refit(self, start: State, prior: Prior | None) -> Fit:
+        return self.solver.refit(start, prior)
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
         """Assess a fit by the engine's judge; the solver remembers it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +29,7 @@ from .estimate import CameraFault, LimbStatus, Status, Timings, TrackEstimate
 from .initialization.detector import body_size
 from .initialization.initializer import NOT_GIVEN, Initializer
 from .keypoints.crops import crops_of
-from .keypoints.late import LatePoints
+from .keypoints.late import LatePoints, PastSet
 from .modality import Images, PeopleSeen
 from .motion.model import ExposureDelays, MotionModel, Prediction
 from .self_check import SelfCheck, SelfCheckOptions
@@ -53,6 +54,18 @@ class _Track:
     log_ratio: float | None = None
     lost: int = 0
     unproven: int | None = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """What was made of an image set; ``information`` of its images alone; ``observed``, ``fitted``: when that was done."""
+
+    fit: Fit
+    prior: Prior | None
+    assessment: Assessment
+    information: np.ndarray | None
+    observed: float
+    fitted: float
 
 
 class Tracker:
@@ -233,37 +246,17 @@ class Tracker:
         """Estimate the state for one image set."""
         began = time.perf_counter()
         images = self._images(image_set)
+        people: PeopleSeen = ()
+        if self._late is not None:
+            self._go_back(self._late.since(image_set))
+            people = self._late.in_time(image_set)
         if self._initializer is not None:
-            if self._late is not None and (self._track.start is None or self._track.lost >= _LOST_SETS):
-                begin = self._track.engine.find(self._late.found(image_set), self._near)
-                if begin is not None:
-                    self._restart(begin)
+            self._begin_where_found(people)
             found = self._reinitialized(self._initializer, images, image_set)
             if found is not None:
                 return replace(found, timings=replace(found.timings, total_ms=1e3 * (time.perf_counter() - began)))
-        track, engine = self._track, self._track.engine
-        prediction = track.motion.predict(image_set.stamp_ns)
-        first, predicted = prediction is None, self._expected(prediction)
-        waiting = first and track.start is None
-        people: PeopleSeen = () if self._late is None else self._late.brought(image_set, predicted)
-        start = engine.begin(images, predicted, people=people) if first and not waiting else predicted
-        engine.observe(images, None if waiting else start, self._delays(image_set, prediction), people)
-        observed = time.perf_counter()
-        prior = prediction.prior() if prediction is not None and engine.in_information_units else None
-        fit = engine.fit(start, first, prior)
-        done = time.perf_counter()
-        if waiting:
-            problem = NOT_GIVEN if self._initializer is None else self._initializer.problem
-            assessment, information = Assessment(Status.INITIALIZING, problem), None
-        else:
-            assessment = engine.assess(fit, image_set)
-            track.log_ratio = assessment.log_ratio
-            if assessment.noise:  # stay where the body was last, whatever the optimizer has made of noise
-                fit = at_state(fit, predicted)
-            information = self._information(fit, prior, assessment)
-            self._accept(image_set.stamp_ns, fit.state, information, images, assessment, first)
-            if self._late is not None:
-                self._late.add(image_set.stamp_ns, predicted, fit.state, corrected=any(people))
+        track, engine, step = self._track, self._track.engine, self._stepped(image_set, images, people)
+        fit, prior, assessment, information = step.fit, step.prior, step.assessment, step.information
         faults = self._compare_cameras(image_set.stamp_ns, fit, assessment)
         finished = time.perf_counter()
         report = engine.report(fit, image_set)
@@ -290,7 +283,7 @@ class Tracker:
             cameras=report.cameras,
             iterations=fit.iterations,
             evaluations=fit.evaluations,
-            timings=Timings(1e3 * (observed - began), 1e3 * (done - observed), 1e3 * (finished - began)),
+            timings=Timings(1e3 * (step.observed - began), 1e3 * (step.fitted - step.observed), 1e3 * (finished - began)),
             velocity_covariance=track.motion.velocity_covariance,
             information=alone,
             innovation=innovation,
@@ -298,6 +291,72 @@ class Tracker:
             limbs=assessment.limbs,
             surfaces=engine.surfaces,
         )
+
+    def _stepped(self, image_set: ImageSet, images: Images, people: PeopleSeen) -> _Step:
+        """Predict, observe, fit, assess and learn."""
+        track, engine, before = self._track, self._track.engine, copy(self._track.motion)
+        prediction = track.motion.predict(image_set.stamp_ns)
+        first, predicted = prediction is None, self._expected(prediction)
+        waiting = first and track.start is None
+        start = engine.begin(images, predicted, people=people) if first and not waiting else predicted
+        engine.observe(images, None if waiting else start, self._delays(image_set, prediction), people)
+        observed = time.perf_counter()
+        prior = prediction.prior() if prediction is not None and engine.in_information_units else None
+        fit = engine.fit(start, first, prior)
+        fitted = time.perf_counter()
+        if waiting:
+            problem = NOT_GIVEN if self._initializer is None else self._initializer.problem
+            assessment, information = Assessment(Status.INITIALIZING, problem), None
+        else:
+            assessment = engine.assess(fit, image_set)
+            track.log_ratio = assessment.log_ratio
+            if assessment.noise:  # stay where the body was last, whatever the optimizer has made of noise
+                fit = at_state(fit, predicted)
+            information = self._information(fit, prior, assessment)
+            self._accept(image_set.stamp_ns, fit.state, information, images, assessment, first)
+        if self._late is not None:
+            self._late.add(PastSet(image_set, people, before))
+        return _Step(fit, prior, assessment, information, observed, fitted)
+
+    def _begin_where_found(self, people: PeopleSeen) -> bool:
+        """Begin where a detector has found a body that is not known, or LOST; whether it has."""
+        wanted = self._late is not None and (self._track.start is None or self._track.lost >= _LOST_SETS)
+        begin = self._track.engine.find(people, self._near) if wanted else None
+        if begin is not None:
+            self._restart(begin)
+        return begin is not None
+
+    def _go_back(self, past: list[PastSet]) -> None:
+        """Go through image sets again, the first of which has points now; where it does not find the body, all stays as it is."""
+        if not past:
+            return
+        assert self._late is not None
+        oldest, kept = past[0], replace(self._track, motion=copy(self._track.motion))
+        begun = self._initializer is not None and self._begin_where_found(oldest.people)
+        if not begun and oldest.motion.predict(oldest.image_set.stamp_ns) is not None:
+            self._track.motion, begun = copy(oldest.motion), True
+        if begun:
+            lost = self._stepped(oldest.image_set, self._images(oldest.image_set), oldest.people).assessment.status is Status.LOST
+            if not lost:
+                for each in past[1:]:
+                    self._fit_again(each)
+                return
+            self._track, past = kept, past[1:]
+        for each in past:
+            self._late.add(each)
+
+    def _fit_again(self, past: PastSet) -> None:
+        """Fit an image set anew that has been judged and learned from before."""
+        assert self._late is not None
+        track, image_set, before = self._track, past.image_set, copy(self._track.motion)
+        prediction = track.motion.predict(image_set.stamp_ns)
+        assert prediction is not None
+        predicted, prior = self._expected(prediction), prediction.prior()
+        track.engine.observe(self._images(image_set), predicted, self._delays(image_set, prediction), past.people)
+        fit = track.engine.refit(predicted, prior)
+        track.start = fit.state
+        track.motion.update(image_set.stamp_ns, fit.state, self._information(fit, prior, Assessment(Status.TRACKING, "")))
+        self._late.add(PastSet(image_set, past.people, before))
 
     def _compare_cameras(self, stamp_ns: int, fit: Fit, assessment: Assessment) -> tuple[CameraFault, ...]:
         """Cameras that disagree with the others, by this set and those before."""

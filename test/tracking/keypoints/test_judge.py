@@ -17,7 +17,9 @@ from tracker_node.tracking.keypoints.modality import KeypointModality
 
 RIG, TRUE = circle_rig(3), standing(0.1, 0.0, 0.5, left_shoulder_elevation_front=40.0, right_hip_flexion=25.0)
 CONFIG = from_dict({"modalities": ["keypoints"], "keypoints.offset_scale": 0.001, "keypoints.sigma_fraction": 0.01})
-JUDGE = KeypointJudge(RIG)
+LOOKED = KeypointModality(RIG, HUMAN, CONFIG.keypoints, BLAZEPOSE)
+LOOKED.set_images((), TRUE, None, [None] * 3)
+JUDGE = KeypointJudge(RIG, LOOKED)
 SETS = image_set(RIG, [None] * 3, 5)
 
 

@@ -45,7 +45,7 @@ class PersonChoice(Choice):
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         """The body in each camera."""
-        if not people:
+        if all(persons is None for persons in people):
             return ()
         places = self._modality.places(expected)
         return [self._chosen(i, persons or (), places) for i, persons in enumerate(people)]

@@ -11,9 +11,11 @@ from ...optimize.fitter import Fit
 from ..assessment import Assessment, Report, assess_cameras, camera_reports, inverse_covariance
 from ..engine import Judge
 from ..estimate import Status
+from .modality import KeypointModality
 
 _LEAST_POINTS = 6  # of all cameras, for a body to be seen at all
 _LOST, _DEGRADED = 0.3, 0.6  # shares of the points that are no outliers
+_BRIDGED_SETS = 15  # at which no detector has looked, after which a body is lost: detectors are slower than cameras
 
 
 class KeypointJudge(Judge):
@@ -21,18 +23,31 @@ class KeypointJudge(Judge):
 
     Parameters
     ----------
-    rig : cameras.
+    rig, modality : cameras, and what compares points.
     """
 
-    def __init__(self, rig: CameraRig):
-        self._rig = rig
+    def __init__(self, rig: CameraRig, modality: KeypointModality):
+        self._rig, self._modality = rig, modality
+        self.reset()
+
+    def reset(self) -> None:
+        """No points have been seen."""
+        self._without = _BRIDGED_SETS
+
+    def restart(self) -> None:
+        """A state has been handed over, which points have not confirmed."""
+        self.reset()
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
         """By the share of points that are where the fit has them."""
         points = _points(fit)
         seen = points.weights >= 0.0
+        if not self._modality.looked and self._without < _BRIDGED_SETS:
+            self._without += 1
+            return Assessment(Status.DEGRADED, "no detector has looked: the body is where it is expected")
         if seen.sum() < _LEAST_POINTS:
             return Assessment(Status.LOST, f"{int(seen.sum())} points of the body are found", noise=True)
+        self._without = 0
         inliers = np.where(seen, points.weights, 0.0)
         share = float(inliers.sum() / seen.sum())
         if share < _DEGRADED:

@@ -1,73 +1,41 @@
-"""Points that a detector has found in earlier images, moved to where they are now by how the body has moved since.
+"""Image sets that have been tracked, kept for points that a detector finds in them later.
 
-A detector takes longer than the time from one image set to the next, so live its points come when their set has been tracked. The
-body's motion in each image is summed from set to set. A set that had points itself counts as was predicted, without what its
-points have corrected: points that are on their way were found in images of before, and would be corrected by the same again.
+A detector takes longer than the time from one image set to the next, so live its points come when their set has been tracked.
+They are used in that set: what was known before it is known again, and the sets since are fitted anew, a fixed-lag update.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
 from ...model.humans.keypoints import KeypointTable
 from ...model.humans.measures import mirrored_name
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.people import People, Person
+from ..modality import PeopleSeen
+from ..motion.model import MotionModel
 from .modality import points_of
 
 MOST_LATE_S = 1.0  # points that are older say nothing of the present
-_KEPT = 256  # image sets
-_WANDERS = 0.25  # error of the moved distance, as a fraction of it
-_WANDERS_M_S = 0.1  # and of a body at rest, for each second
-_HEIGHT_M = 1.7  # of a person, for meters in pixels
+_MOST_BYTES = 256_000_000  # of images that are kept
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
-    """A body at one time; its points in the images are computed when asked for."""
+class PastSet:
+    """An image set that has been tracked, who has been found in it, by camera, and what was known of the motion before it."""
 
-    projector: _Projector
-    state: State
-
-    @cached_property
-    def pixels(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n_cameras, n_points, 2), and which are seen."""
-        return self.projector.project(self.state)
-
-
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """How the body has moved from one image set to the next."""
-
-    from_ns: int
-    to_ns: int
-    start: _Place
-    end: _Place
-
-
-class _Projector:
-    """Points of a body in the images of a rig."""
-
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, table: KeypointTable):
-        self._rig = rig
-        self.names, self._body = points_of(model, table)
-
-    def project(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """(n_cameras, n_points, 2) pixels, and (n_cameras, n_points) whether they are seen."""
-        points = self._body.places(state)
-        pixels, seen = zip(*(camera.project(points) for camera in self._rig), strict=True)
-        return np.array(pixels), np.array(seen)
+    image_set: ImageSet
+    people: PeopleSeen
+    motion: MotionModel
 
 
 class LatePoints:
-    """Moves people that were found in earlier images.
+    """Keeps image sets as long as points may come for them; none where those of every set come with it.
 
     Parameters
     ----------
@@ -76,94 +44,68 @@ class LatePoints:
     """
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, table: KeypointTable):
-        self._rig, self._projector = rig, _Projector(rig, model, table)
-        own = self._projector.names
+        self._rig, own = rig, points_of(model, table)[0]
         self._needed = tuple(dict.fromkeys([*own, *map(mirrored_name, own)]))
         self.reset()
 
     def reset(self) -> None:
-        """Nothing is known of how the body has moved."""
-        self._steps: deque[_Step] = deque(maxlen=_KEPT)
-        self._last: tuple[int, _Place] | None = None
+        """No image set is kept."""
+        self._late = False
+        self._kept: deque[PastSet] = deque()
 
-    def add(self, stamp_ns: int, expected: State, state: State, corrected: bool) -> None:
-        """An image set has been tracked.
+    def add(self, past: PastSet) -> None:
+        """Keep an image set that has been tracked, after those before it."""
+        self._late |= any(image.people is None or image.people_stamp_ns is not None for image in past.image_set.images)
+        if not self._late:
+            return
+        self._kept.append(past)
+        newest_ns, size = past.image_set.stamp_ns, sum(_size(each.image_set) for each in self._kept)
+        while len(self._kept) > 1 and (size > _MOST_BYTES or newest_ns - self._kept[0].image_set.stamp_ns > 1e9 * MOST_LATE_S):
+            size -= _size(self._kept.popleft().image_set)
 
-        Parameters
-        ----------
-        stamp_ns : of the set.
-        expected, state : where the body was expected, and where it was found.
-        corrected : points of a detector had a part in that.
-        """
-        end = _Place(self._projector, state)
-        if self._last is not None:
-            from_ns, start = self._last
-            moved_to = _Place(self._projector, expected) if corrected else end
-            self._steps.append(_Step(from_ns, stamp_ns, start, moved_to))
-        self._last = stamp_ns, end
+    def in_time(self, image_set: ImageSet) -> list[People | None]:
+        """The people in the images themselves, by camera of the rig; None where no detector has looked, or not at these."""
+        images = [image_set.get(name) for name in self._rig.names]
+        return [None if image is None or image.people_stamp_ns is not None else self._people(image) for image in images]
 
-    def brought(self, image_set: ImageSet, expected: State) -> list[People | None]:
-        """The people in the images of a set, those found in earlier images moved.
-
-        Parameters
-        ----------
-        image_set : the next one.
-        expected : where the body is expected in it.
+    def since(self, image_set: ImageSet) -> list[PastSet]:
+        """Take out the image sets from that on in which the late points of ``image_set`` were found, which has them then.
 
         Returns
         -------
-        By camera of the rig; None where no detector has looked.
+        The oldest first; empty where no points are late, or their set is not kept: it is the one whose stamp is nearest, by half
+        the time between two sets.
         """
-        images = self._images(image_set)
-        late = any(image is not None and image.people and image.people_stamp_ns is not None for image in images)
-        steps = self._steps_to(image_set.stamp_ns, expected) if late else []
-        return [None if image is None else self._people(i, image, image_set.stamp_ns, steps) for i, image in enumerate(images)]
+        late = {image.camera: image for image in image_set.images if image.people_stamp_ns is not None}
+        if not late or not self._kept:
+            return []
+        delays = [image.stamp_ns - (image.people_stamp_ns or 0) for image in late.values()]
+        stamps = np.array([each.image_set.stamp_ns for each in self._kept])
+        off = np.abs(stamps - (image_set.stamp_ns - int(np.median(delays))))
+        at = int(np.argmin(off))
+        if off[at] > 0.5 * float(np.median(np.diff([*stamps, image_set.stamp_ns]))):
+            return []
+        kept = list(self._kept)
+        self._kept = deque(kept[:at])
+        people = [
+            self._people(late[name]) if name in late else before
+            for name, before in zip(self._rig.names, kept[at].people or [None] * len(self._rig), strict=True)
+        ]
+        return [replace(kept[at], people=people), *kept[at + 1 :]]
 
-    def found(self, image_set: ImageSet) -> list[People | None]:
-        """The people in the images of a set where they were found, with all points of the body; None where none has looked."""
-        return [None if image is None else image.people for image in self._images(image_set)]
-
-    def _images(self, image_set: ImageSet) -> list[CameraImage | None]:
-        return [self._completed(image_set.get(name)) for name in self._rig.names]
-
-    def _completed(self, image: CameraImage | None) -> CameraImage | None:
+    def _people(self, image: CameraImage) -> People | None:
         """With all points of the body, those that the detector lacks not found, and none that the other side lacks."""
-        if image is None or not image.people or all(self._is_complete(person.names) for person in image.people):
-            return image
-        return replace(image, people=tuple(completed(person, self._needed) for person in image.people))
+        if not image.people or all(self._is_complete(person.names) for person in image.people):
+            return image.people
+        return tuple(completed(person, self._needed) for person in image.people)
 
     def _is_complete(self, names: tuple[str, ...]) -> bool:
         given = set(names)
         return given.issuperset(self._needed) and given.issuperset(map(mirrored_name, names))
 
-    def _steps_to(self, stamp_ns: int, expected: State) -> list[_Step]:
-        if self._last is None:
-            return []
-        from_ns, start = self._last
-        return [*self._steps, _Step(from_ns, stamp_ns, start, _Place(self._projector, expected))]
 
-    def _people(self, i: int, image: CameraImage, stamp_ns: int, steps: list[_Step]) -> People | None:
-        if not image.people or image.people_stamp_ns is None:
-            return image.people
-        late_ns = image.stamp_ns - image.people_stamp_ns
-        shifts = np.zeros((len(self._projector.names), 2))
-        for step in steps:
-            span_ns, common_ns = step.to_ns - step.from_ns, step.to_ns - max(step.from_ns, stamp_ns - late_ns)
-            if span_ns > 0 and common_ns > 0:
-                (start, seen), (end, also) = step.start.pixels, step.end.pixels
-                shifts += np.where((seen[i] & also[i])[:, None], end[i] - start[i], 0.0) * min(common_ns / span_ns, 1.0)
-        return tuple(self._moved(person, shifts, 1e-9 * late_ns) for person in image.people)
-
-    def _moved(self, person: Person, shifts: np.ndarray, late_s: float) -> Person:
-        """The silhouette is left out: it is that of another time."""
-        own, mean = dict(zip(self._projector.names, shifts, strict=True)), shifts.mean(axis=0)
-        by_point = np.array([own.get(name, mean) for name in person.names]).reshape(-1, 2)
-        left, top, right, bottom = person.box
-        du, dv = mean.tolist()
-        at_rest_px = _WANDERS_M_S * late_s * max(right - left, bottom - top) / _HEIGHT_M
-        spread = (_WANDERS**2 * (by_point**2).sum(axis=1) + at_rest_px**2)[:, None, None] * np.eye(2)
-        box = left + du, top + dv, right + du, bottom + dv
-        return replace(person, pixels=person.pixels + by_point, covariances=person.covariances + spread, box=box, silhouette=None)
+def _size(image_set: ImageSet) -> int:
+    return sum(image.pixels.nbytes for image in image_set.images)
 
 
 def completed(person: Person, names: tuple[str, ...]) -> Person:

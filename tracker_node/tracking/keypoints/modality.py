@@ -59,6 +59,7 @@ class KeypointModality(Modality):
     ----------
     names : of the points that the body has.
     offsets : of these points, as they are known now.
+    looked : a detector has looked at the present images.
     """
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: KeypointConfig, table: KeypointTable):
@@ -67,6 +68,7 @@ class KeypointModality(Modality):
         self.offsets = PointOffsets(points, config)
         self._cameras = packed_cameras(rig)
         self._observed: np.ndarray | None = None
+        self.looked = False
 
     def reset(self) -> None:
         """Offsets are as before anything has been seen."""
@@ -84,7 +86,7 @@ class KeypointModality(Modality):
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
         """Take the points of the body in each camera."""
-        self._observed = None
+        self._observed, self.looked = None, bool(persons)
         if expected is not None and any(person is not None for person in persons):
             observed = self._of(persons)
             if delays is not None:

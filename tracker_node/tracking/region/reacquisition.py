@@ -159,6 +159,11 @@ class Reacquisition(Solver):
         self._model_sigma_px = fit.model_sigma_px
         return fit
 
+    def refit(self, start: State, prior: Prior | None) -> LineFit:
+        if self._points is not None and self._points.modality.has_points:
+            return self._led_by_points(self._points, start, False, prior)
+        return self._fitting.fit(start, self._scales, prior, self._model_sigma_px)
+
     def _led_by_points(self, points: KeypointFitting, start: State, first: bool, prior: Prior | None) -> LineFit:
         """Lines from where the points have the body: no limb needs a search."""
         scales = numbers(self._region.first_scales) if first else self._all_scales
