@@ -3,7 +3,7 @@ import pytest
 
 from helpers.bodies.bodies import crane, random_state
 from helpers.numeric.finite_difference import assert_jacobian
-from tracker_node.calibration.pose import PoseOptions, _Problem, fit_state_to_landmarks
+from tracker_node.calibration.pose import PoseOptions, _Landmarks, fit_state_to_landmarks
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
@@ -70,10 +70,10 @@ def test_few_targets_keep_near_the_start():
 def test_gradient_of_the_cost_matches_finite_differences():
     rng = np.random.default_rng(2)
     targets = {name: point + rng.normal(scale=0.05, size=3) for name, point in landmarks(HUMAN, State.neutral(HUMAN)).items()}
-    problem = _Problem(HUMAN, targets, {"head": 3.0}, PoseOptions())
+    problem = _Landmarks(HUMAN, targets, {"head": 3.0}, PoseOptions())
     state = random_state(HUMAN, rng, 0.4)
-    _, gradient = problem.normal_equations(state)
-    assert_jacobian(2.0 * gradient, lambda d: problem.cost(state.retract(d)), step=1e-4)
+    gradient = problem.linearize(state).g
+    assert_jacobian(2.0 * gradient, lambda d: problem.linearize(state.retract(d)).cost, step=1e-4)
 
 
 def test_what_cannot_be_fitted_is_refused():

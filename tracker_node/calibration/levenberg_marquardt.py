@@ -36,7 +36,6 @@ def descend(
     max_iterations: int,
     tolerance: float,
     damping: float = _DAMPING,
-    least_gain: float = 0.0,
 ) -> Descent[Unknowns]:
     """Go downhill; deterministic.
 
@@ -49,7 +48,6 @@ def descend(
     max_iterations : linearizations at most.
     tolerance : it ends when a step lowers the cost by no more than this fraction.
     damping : of the first step.
-    least_gain : it ends as well when a step lowers the cost by no more than this; for costs whose minimum may be zero.
 
     Returns
     -------
@@ -67,7 +65,7 @@ def descend(
             if damping > _MOST:  # no direction goes down: this is the minimum, to rounding
                 return Descent(found, lowest, iteration, True)
         gain, found, lowest, damping = lowest - trial_cost, trial, trial_cost, max(_DOWN * damping, _LEAST)
-        if gain <= tolerance * lowest + least_gain:
+        if gain <= tolerance * lowest:
             return Descent(found, lowest, iteration, True)
     return Descent(found, lowest, max_iterations, False)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,11 @@ from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.kinematic_chain import N_ROOT_DOF
-from .levenberg_marquardt import descend
+from ..objective.constraints.prior import Prior
+from ..objective.normal_equations import NormalEquations
+from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
+
+_STEP = 1e-8  # meters and radians: smaller ones end the search
 
 
 @dataclass(frozen=True)
@@ -47,8 +51,8 @@ class PoseFit:
         return float(np.mean(list(self.residuals_m.values())))
 
 
-class _Problem:
-    """Least squares: weighted distances of landmarks, and a pull of the joints to neutral."""
+class _Landmarks:
+    """Weighted distances of landmarks from targets, and a pull of the joints to neutral (`LeastSquaresObjective`)."""
 
     def __init__(self, model: ArticulatedModel, targets: Mapping[str, np.ndarray], weights, options: PoseOptions):
         unknown = [name for name in targets if name not in model.landmark_names]
@@ -60,44 +64,20 @@ class _Problem:
         weights = weights or {}
         self.information = np.array([weights.get(name, 1.0) for name in self.names]) / options.sigma_m**2
         stiff = np.array([axis.stiffness > 1.0 for axis in model.chain.axes], dtype=bool)
-        self.prior = np.where(stiff, options.stiff_sigma_rad, options.free_sigma_rad) ** -2.0
-        self.neutral = np.array([axis.neutral for axis in model.chain.axes])
+        pull = np.where(stiff, options.stiff_sigma_rad, options.free_sigma_rad) ** -2.0
+        self.prior = Prior(State.neutral(model), np.concatenate([np.zeros(N_ROOT_DOF), pull]))
 
-    def offsets(self, state: State) -> np.ndarray:
+    def offsets(self, configuration: Configuration) -> np.ndarray:
         """(n, 3) target to landmark, meters."""
-        return Configuration(self.model, state).landmarks_world[self.rows] - self.targets
+        return configuration.landmarks_world[self.rows] - self.targets
 
-    def cost(self, state: State) -> float:
-        offset, angles = self.offsets(state), state.joint_positions - self.neutral
-        return float(self.information @ np.sum(offset**2, axis=1) + self.prior @ angles**2)
-
-    def normal_equations(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Hessian (n_dof, n_dof) and half gradient (n_dof,)."""
+    def linearize(self, state: State) -> NormalEquations:
         configuration = Configuration(self.model, state)
-        jacobian = configuration.landmark_jacobian()[self.rows]
-        offset = configuration.landmarks_world[self.rows] - self.targets
+        jacobian, offset = configuration.landmark_jacobian()[self.rows], self.offsets(configuration)
         weighted = jacobian * self.information[:, None, None]
-        hessian = np.einsum("nij,nik->jk", weighted, jacobian)
-        gradient = np.einsum("nij,ni->j", weighted, offset)
-        index = np.arange(N_ROOT_DOF, len(gradient))
-        hessian[index, index] += self.prior
-        gradient[N_ROOT_DOF:] += self.prior * (state.joint_positions - self.neutral)
-        return hessian, gradient
-
-    def steps(self, state: State) -> Callable[[float], State]:
-        """From a damping to the state after a step from ``state``; an axis that the gradient pushes beyond its limit is held."""
-        hessian, gradient = self.normal_equations(state)
-        chain, free = self.model.chain, np.ones(len(gradient), dtype=bool)
-        q, slope = state.joint_positions, gradient[N_ROOT_DOF:]
-        free[N_ROOT_DOF:] = ~((q <= chain.lower) & (slope > 0.0)) & ~((q >= chain.upper) & (slope < 0.0))
-        sub = hessian[np.ix_(free, free)]
-
-        def moved(damping: float) -> State:
-            step = np.zeros(len(gradient))
-            step[free] = -np.linalg.solve(sub + damping * np.diag(np.diag(sub) + 1e-9), gradient[free])
-            return _within_limits(self.model, state.retract(step))
-
-        return moved
+        H, g = np.einsum("nij,nik->jk", weighted, jacobian), np.einsum("nij,ni->j", weighted, offset)
+        cost = float(self.information @ np.sum(offset**2, axis=1)) + self.prior.add_to(H, g, state)
+        return NormalEquations(H, g, 1.0 + cost, offset.size)  # an exact fit ends by the same relative tolerance as others
 
 
 def fit_state_to_landmarks(
@@ -109,7 +89,6 @@ def fit_state_to_landmarks(
 ) -> PoseFit:
     """State whose landmarks are nearest to given points, within the joint limits.
 
-    Levenberg-Marquardt on the manifold; an axis at its limit that the gradient pushes outward is held there (active set).
     Without ``initial`` the root is placed by the rigid fit of the trunk's landmarks, several poses of the limbs are tried, and
     the best result is taken.
 
@@ -131,9 +110,9 @@ def fit_state_to_landmarks(
     ValueError : fewer than three targets and no initial state.
     """
     options = options or PoseOptions()
-    problem = _Problem(model, targets, weights, options)
+    problem = _Landmarks(model, targets, weights, options)
     if initial is not None:
-        return _solve(problem, _within_limits(model, initial), options)
+        return _solve(problem, initial, options)
     if len(targets) < 3:
         raise ValueError(f"expected at least 3 targets to start from, got {len(targets)}")
     starts = [_placed(problem, State(np.eye(4), angles)) for angles in _start_poses(model)]
@@ -142,19 +121,16 @@ def fit_state_to_landmarks(
     return min((_solve(problem, fit.state, options) for fit in trials[:2]), key=lambda fit: fit.cost)
 
 
-def _solve(problem: _Problem, state: State, options: PoseOptions, max_iterations: int | None = None) -> PoseFit:
+def _solve(problem: _Landmarks, state: State, options: PoseOptions, max_iterations: int | None = None) -> PoseFit:
     most = options.max_iterations if max_iterations is None else max_iterations
-    end = descend(state, problem.cost, problem.steps, most, options.tolerance, least_gain=options.tolerance)
-    distances = np.linalg.norm(problem.offsets(end.found), axis=1)
+    how = LevenbergMarquardtOptions(most, tolerance=options.tolerance, step_tolerance=_STEP)
+    found = minimize(problem, state, problem.model.chain, how)
+    distances = np.linalg.norm(problem.offsets(Configuration(problem.model, found.state)), axis=1)
     residuals = {name: float(d) for name, d in zip(problem.names, distances, strict=True)}
-    return PoseFit(end.found, end.cost, residuals, end.iterations)
+    return PoseFit(found.state, found.equations.cost - 1.0, residuals, found.iterations)
 
 
-def _within_limits(model: ArticulatedModel, state: State) -> State:
-    return State(state.T_world_root, np.clip(state.joint_positions, model.chain.lower, model.chain.upper))
-
-
-def _placed(problem: _Problem, state: State) -> State:
+def _placed(problem: _Landmarks, state: State) -> State:
     """``state`` with the root moved so that the trunk's landmarks (or all, if those are few) fit the targets rigidly."""
     points = Configuration(problem.model, state).landmarks_world[problem.rows]
     chain = problem.model.chain
