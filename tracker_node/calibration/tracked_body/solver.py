@@ -294,7 +294,7 @@ class _Arrow(ArrowEquations):
     def clustered_covariance(self) -> np.ndarray:
         """As `shared_covariance`, by the scatter of the gradients of the sets, their poses eliminated."""
         inverses, k = self.inverses(0.0), len(self._by_set)
-        eliminated = np.einsum("ndk,nkj,nj->nd", self.mixed, inverses, self.gradient_blocks)
+        eliminated = np.einsum("nik,nkj,nj->ni", self.mixed, inverses, self.gradient_blocks)
         scores = (self._by_set - eliminated)[:, self.free]
         scores = scores - scores.mean(axis=0)
         spread = scores.T @ scores * (k / max(k - 1, 1)) + np.diag(self.precision[self.free])
