@@ -19,20 +19,15 @@ from ...camera.rig import CameraRig
 from ...loaders.images.source import load_backgrounds, resized_backgrounds
 from ...loaders.json_values import finite
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
-from ...objective.lines.correspondences import LineDrawer, PartEvidence, View
+from ...model.configuration import State
+from ...objective.lines.correspondences import PartEvidence
 from ...objective.points.photometry import PhotometryOptions
-from ...observation.chamfer.observer import checked_backgrounds
 from ...observation.image_set import CameraImage, ImageSet
-from ...observation.region.background import RegionBackground
-from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ...parallel import Workers
-from ...render.raycast.raycaster import render_labels
-from ...render.shape_arrays import ShapeArrays
 from ...tracking.color.agreement import agreement_of
 from ...tracking.config import TrackerConfig
 from ...tracking.estimate import TrackEstimate
-from ...tracking.region.modality import line_options
+from ...tracking.region.modality import LineDetail, RegionModality
 from ...tracking.tracker import Tracker
 from ..images import working_rig
 from ..session import StudioSession
@@ -173,40 +168,16 @@ class ContourScore(PoseScorer):
     meaning = "fraction of the body's outline that lies on a change of colors, as the region engine measures it"
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, backgrounds: Mapping[str, np.ndarray]):
-        self._rig, self._model, self._config = rig, model, config
-        self._classes = color_classes(model)
-        self._stated = stated_densities(model, self._classes)
-        self._parallel = Workers(config.threads).map
-        arrays = ShapeArrays.from_model(model)
-        self._drawer = LineDrawer(rig, model, arrays, self._classes, line_options(config), self._parallel)
-        self._rooms, background = [], config.background
-        for camera in rig:
-            known = checked_backgrounds(camera.name, camera.model.width, camera.model.height, backgrounds.get(camera.name))
-            self._rooms.append(RegionBackground(known, background.sigma, background.learning_rate, background.body_margin_px))
+        self._rig, self._config = rig, config.region
+        self._modality = RegionModality(rig, model, config, Workers(config.threads).map, backgrounds=backgrounds)
 
     def score(self, state: State, images: Mapping[str, np.ndarray]) -> PoseScore:
         """Fraction of the outline that is found. The total is that of all samples."""
-        region = self._config.region
-        lines = self._drawer.draw(self._views(state, images), state, 1.0, region.model_sigma_px)
-        return self._scored(lines.at(state).part_evidence(region.inlier_px))
-
-    def _views(self, state: State, images: Mapping[str, np.ndarray]) -> list[View | None]:
-        body, region = Configuration(self._model, state), self._config.region
-
-        def learn(i: int) -> RegionColors | None:
-            colors, camera = RegionColors(self._classes, self._stated, region.color_prior), self._rig.cameras[i]
-            found = render_labels(body, camera, region.background_ring_px)
-            if found is None or camera.name not in images:
-                return None
-            colors.learn(images[camera.name], *found, 1.0, region.margin_px, region.background_ring_px)
-            return colors
-
-        learned = self._parallel(learn, list(range(len(self._rig))))
-        trust_stated_colors([colors for colors in learned if colors is not None])
-        return [
-            None if colors is None else View(images[camera.name], (colors.body, colors.scene), room.packed)
-            for camera, colors, room in zip(self._rig, learned, self._rooms, strict=True)
-        ]
+        shown, modality, region = [images.get(camera.name) for camera in self._rig], self._modality, self._config
+        modality.learn_first(shown, state, region.margin_px)
+        modality.set_images(shown, state)
+        lines = modality.correspond(state, LineDetail(1.0, region.model_sigma_px))
+        return self._scored(modality.part_evidence(lines, state, region.inlier_px))
 
     def _scored(self, evidence: PartEvidence) -> PoseScore:
         expected, close = evidence.expected, evidence.close
