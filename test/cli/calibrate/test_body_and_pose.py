@@ -45,11 +45,11 @@ def test_body_from_stature(tmp_path):
     assert np.isclose(model_stature(load_model(subject)), 1.6)
 
 
-def test_ankles_on_request(trc_path, tmp_path):
+def test_ankles_bend_unless_they_are_to_be_stiff(trc_path, tmp_path):
     for i, source in enumerate((["--stature", "1.6"], ["--trc", str(trc_path)])):
         bare, ankles = tmp_path / f"bare{i}.yaml", tmp_path / f"ankles{i}.yaml"
-        assert main(["calibrate", "body", *source, "-o", str(bare)]) == 0
-        assert main(["calibrate", "body", *source, "--ankles", "-o", str(ankles)]) == 0
+        assert main(["calibrate", "body", *source, "--stiff-ankles", "-o", str(bare)]) == 0
+        assert main(["calibrate", "body", *source, "-o", str(ankles)]) == 0
         added = set(load_model(ankles).chain.dof_names) - set(load_model(bare).chain.dof_names)
         assert added == {"left_ankle_dorsiflexion", "right_ankle_dorsiflexion"}
 
@@ -71,7 +71,7 @@ def test_what_is_there_stays_unless_forced(trc_path, tmp_path, capsys):
 def test_landmarks_from_a_tracked_trial(trc_path, tmp_path):
     """The body was seen 3 cm below the joints: its landmarks go up by 3 cm, its size stays."""
     base, states, placed = (tmp_path / name for name in ("base.yaml", "states.csv", "placed.yaml"))
-    main(["calibrate", "body", "--stature", "1.82", "-o", str(base)])
+    main(["calibrate", "body", "--stature", "1.82", "--stiff-ankles", "-o", str(base)])
     model = load_model(base)
     lower = STATE.retract(np.array([0, 0, -0.03] + [0.0] * 37))
     rows = tuple(StateRow(int(i * 1e9 / 60), "TRACKING", "", lower.to_values()) for i in range(3))
@@ -87,9 +87,9 @@ def test_landmarks_from_a_tracked_trial(trc_path, tmp_path):
     (["body"], "--trc"),
     (["body", "--stature", "18"], "0.4 to 3 meters"),
     (["body", "--stature", "1.8", "--joint-sigma-mm", "-1"], "--joint-sigma-mm"),
-    (["body", "--stature", "1.8", "--ankles", "--model", "MODEL"], "--ankles"),
-    (["body", "--from-run", "out/run", "--ankles"], "--ankles"),
-    (["body", "--from-points", "rig.yaml", "--ankles", "--model", "MODEL"], "--ankles"),
+    (["body", "--stature", "1.8", "--stiff-ankles", "--model", "MODEL"], "--stiff-ankles"),
+    (["body", "--from-run", "out/run", "--stiff-ankles"], "--stiff-ankles"),
+    (["body", "--from-points", "rig.yaml", "--stiff-ankles", "--model", "MODEL"], "--stiff-ankles"),
     (["body", "--trc", "none.trc"], "none.trc"),
     (["body", "--trc", "TRC", "--states", "s.csv"], "--states"),
     (["pose", "--model", "none.yaml", "--trc", "TRC"], "none.yaml"),

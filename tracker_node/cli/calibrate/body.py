@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     points.add_argument("--keypoints-weights", type=Path, metavar="FILE", help="weights of another size of the network")
     add_person_argument(points)
     parser.add_argument(
-        "--ankles", action="store_true", help="feet bend at the ankles: for tracking with points, --from-points has it anyway"
+        "--stiff-ankles", action="store_true", help="feet do not bend at the ankles, as in Knossow et al. (2008)"
     )
     parser.add_argument("--asymmetric", action="store_true", help="keep differences between left and right")
     parser.add_argument(
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     from ...model.humans.human import human_model
 
     given = args.model or args.from_run
-    check(not (args.ankles and given), "--ankles", "no --model or --from-run beside it, whose joints are their own", "both")
+    check(not (args.stiff_ankles and given), "--stiff-ankles", "no --model or --from-run beside it, whose joints are their own", "both")
     if args.from_run:
         return _fit_to_images(args)
     if args.from_points:
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     check(args.joint_sigma_mm is None or 0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
     refuse_to_overwrite(args, args.output)
-    model = load_model(args.model) if args.model else human_model(ankles=args.ankles)
+    model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
     sigma_m = None if args.joint_sigma_mm is None else args.joint_sigma_mm / 1000.0
     options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=args.stature)
     if not args.trc:
@@ -140,7 +140,7 @@ def _from_points(args: argparse.Namespace) -> int:
     check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
     near = place_of_person(args)
     refuse_to_overwrite(args, args.output)
-    model = load_model(args.model) if args.model else human_model(ankles=True)
+    model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
     config = load_config(args.config) if args.config else TrackerConfig()
     rig = load_rig(args.from_points)
     stream = SourceStream(rig, config.synchronizer, SourceOptions())
