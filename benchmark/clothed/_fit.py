@@ -2,9 +2,10 @@
 
     python -m benchmark.clothed._fit DRAWN/clip_1 ... DRAWN/clip_8
 
-prints the rows of `tracker_node.model.humans.keypoints.BLAZEPOSE` and of `tracker_node.model.humans.surfaces`, means and standard
-deviations over the clips and both sides, of a body of the default size; and the spread of heat maps beside that of errors, which
-`observation.keypoints.blazepose` is calibrated by. Clips that anything is judged on have no part in it.
+prints the rows of `tracker_node.model.humans.keypoints.BLAZEPOSE` and of `tracker_node.model.humans.surfaces`, means and
+standard deviations over the clips and both sides, of a body of the default size; how a skeleton's bones are guessed
+(`GUESSED_BONES`); and the spread of heat maps beside that of errors, which `observation.keypoints.blazepose` is calibrated by.
+Clips that anything is judged on have no part in it.
 
     python -m benchmark.clothed._fit --lengths LENGTHS.csv
 
@@ -27,10 +28,10 @@ from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoints import BLAZEPOSE, relative_size
+from tracker_node.model.humans.keypoints import BLAZEPOSE, GUESSED_BONES, relative_size
 from tracker_node.objective.lines.surfaces import N_UNKNOWNS, Surfaces
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.tracking.keypoints.modality import points_of
+from tracker_node.tracking.keypoints.modality import DepthGuesses, points_of
 from tracker_node.tracking.region.modality import RegionModality
 from tracker_node.tracking.tracker import Tracker
 
@@ -96,6 +97,31 @@ class PointOffsetFit:
             place = T[:3, :3] @ (self.body.positions[k] + offset) + T[:3, 3]
             result.append(score * (camera.project(place[None])[0][0] - pixel) / size)
         return np.array(result)
+
+
+def guessed_and_true(image_set: ImageSet, state: State, points: PointOffsetFit) -> Iterator[np.ndarray]:
+    """What skeletons tell in crops of which there is one.
+
+    Parameters
+    ----------
+    image_set : with people.
+    state : the true one.
+    points : of the clip.
+
+    Yields
+    ------
+    (n_bones + 1, 2): depths of the bones in lengths of them, and the distance in that which is true; guessed and true.
+    """
+    clip, places = points.clip, points.body.places(state)
+    persons = [next(iter(image.people or ()), None) for image in image_set.images]
+    found = DepthGuesses(clip.rig, points.names, points.body, settings(TOGETHER, ()).keypoints).of(persons)
+    if found is not None:
+        lengths = found.sigmas / [bone.sigma for bone in GUESSED_BONES]
+        true = found.rays @ (found.bones @ places).T / lengths
+        away = ((places.mean(axis=0) - found.centers) * found.rays).sum(axis=1)
+        for i in np.flatnonzero(np.isfinite(found.distances)):
+            guessed = np.append(found.depths[i] / lengths, found.distances[i] / away[i])
+            yield np.column_stack([guessed, np.append(true[i], 1.0)])
 
 
 def surfaces_at(state: State, tracker: Tracker, start: np.ndarray) -> np.ndarray:
@@ -180,12 +206,13 @@ def main() -> None:
         return
     if not args.clips:
         parser.error("expected folders of clips, or --lengths")
-    people, offsets, errors, surfaces = KeptPeople(pose_weights(), args.cache), [], [], []
+    people, offsets, errors, surfaces, guesses = KeptPeople(pose_weights(), args.cache), [], [], [], []
     for folder in args.clips:
         clip = load_clip(folder)
         points, found = PointOffsetFit(clip), [np.zeros((len(clip.model.shapes), N_UNKNOWNS))]
         for image_set, state, tracker in tracked(clip, people):
             points.add(image_set, state)
+            guesses += guessed_and_true(image_set, state, points)
             found.append(surfaces_at(state, tracker, np.median(found[1:] or found, axis=0)))
         own, own_errors = points.fitted()
         offsets.append(own)
@@ -199,6 +226,11 @@ def main() -> None:
         print(f"\n{title}: medians, standard deviations, m")
         for name, (middle, spread) in both_sides(names, values, sideways).items():
             print(f"{name:12} {np.round(middle, 3)} {np.round(spread, 3)}")
+    print("\nguessed skeletons: shares of the depth of a bone and standard deviations in its length; the same of the distance")
+    names = [*(bone.far[0] for bone in GUESSED_BONES), "distance"]
+    for name, (told, true) in zip(names, np.moveaxis(guesses, 0, 2), strict=True):
+        share = float(told @ true / (true @ true))
+        print(f"{name:15} {share:.2f} {np.std(told - share * true):.3f}")
     together = np.concatenate(errors)
     print("\nstated spread, robust spread of errors, both in thousandths of the person's size")
     for part in np.array_split(together[np.argsort(together[:, 2])], 8):

@@ -145,6 +145,8 @@ def packed(people: People) -> bytes:
     for i, person in enumerate(people):
         arrays |= {f"pixels{i}": person.pixels, f"covariances{i}": person.covariances, f"scores{i}": person.scores}
         arrays[f"whole{i}"] = np.array([person.score, *person.box], np.float64)
+        if person.skeleton is not None:
+            arrays[f"skeleton{i}"] = person.skeleton
         if person.silhouette is not None:
             arrays |= {f"mask{i}": person.silhouette.probabilities, f"origin{i}": np.array(person.silhouette.origin)}
     content = io.BytesIO()
@@ -166,4 +168,4 @@ def _person(arrays: dict[str, np.ndarray], i: int) -> Person:
         silhouette = Silhouette(arrays[f"mask{i}"], (u, v))
     score, left, top, right, bottom = arrays[f"whole{i}"].tolist()
     pixels, covariances, scores = (arrays[f"{name}{i}"] for name in ("pixels", "covariances", "scores"))
-    return Person(NAMES, pixels, covariances, scores, score, (left, top, right, bottom), silhouette)
+    return Person(NAMES, pixels, covariances, scores, score, (left, top, right, bottom), silhouette, arrays.get(f"skeleton{i}"))

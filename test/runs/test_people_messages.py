@@ -24,7 +24,7 @@ def person(seed: int = 1, silhouette: bool = True) -> Person:
     probabilities = random.integers(0, 256, (5, 7), dtype=np.uint8)
     return Person(
         NAMES, random.uniform(0.0, 48.0, (3, 2)), covariances, random.uniform(0.0, 1.0, 3), 1.0 / 3.0, (0.1, -2.5, 40.0, 47.3),
-        Silhouette(probabilities, (11, 3)) if silhouette else None,
+        Silhouette(probabilities, (11, 3)) if silhouette else None, random.normal(size=(3, 3)) if silhouette else None,
     )  # fmt: skip
 
 
@@ -41,6 +41,9 @@ def assert_same(after: Person, before: Person) -> None:
     assert (after.names, after.score, after.box) == (before.names, before.score, before.box)
     for name in ("pixels", "covariances", "scores"):
         assert getattr(after, name).tobytes() == np.ascontiguousarray(getattr(before, name)).tobytes(), name
+    assert (after.skeleton is None) == (before.skeleton is None)
+    if before.skeleton is not None and after.skeleton is not None:
+        np.testing.assert_array_equal(after.skeleton, before.skeleton)
     assert (after.silhouette is None) == (before.silhouette is None)
     if before.silhouette is not None and after.silhouette is not None:
         assert after.silhouette.origin == before.silhouette.origin
@@ -106,6 +109,7 @@ def test_an_impossible_point_was_not_found(field: str, index: int, value: float)
 @pytest.mark.parametrize(
     ("change", "said"),
     [({"u": np.zeros(2)}, "expected 3 numbers in u"), ({"covariance_uv": np.zeros(4)}, "expected 3 numbers in covariance_uv"),
+     ({"skeleton_y": np.zeros(0)}, "expected 3 numbers in skeleton_y"),
      ({"score": float("nan")}, "finite numbers for score"), ({"box": np.full(4, np.inf)}, "finite numbers for score and box")],
 )  # fmt: skip
 def test_a_person_who_is_none_is_refused_with_the_camera(change: dict[str, Any], said: str) -> None:

@@ -130,6 +130,7 @@ class Fitter:
         priors: Sequence[Prior] = (),
         others: Sequence[LeastSquaresObjective] = (),
         independent: Sequence[LeastSquaresObjective] = (),
+        lead_share: float = 1.0,
     ) -> Fit:
         """Run all stages from ``start``.
 
@@ -141,6 +142,7 @@ class Fitter:
         priors : in the unit of the correspondences.
         others : correspondences that hold throughout; each of them, and the leading ones, count by an equal share.
         independent : correspondences that hold throughout and see something else: they count in full.
+        lead_share : factor of what the leading ones count for.
 
         Returns
         -------
@@ -150,6 +152,7 @@ class Fitter:
         state, iterations, evaluations, comparison = clip_to_limits(start, chain), 0, 0, None
         beside = [*independent, *self._constraints]
         factors = [1.0 / (1 + len(others))] * (1 + len(others)) + [1.0] * len(beside)
+        factors[0] *= lead_share
         found: Correspondences | None = None
         result: OptimizerResult | None = None
         for stage in stages:

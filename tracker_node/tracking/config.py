@@ -182,6 +182,9 @@ class KeypointConfig:
     surface_wobble_m: float = parameter(
         0.01, "how far surfaces move on the body with its pose", "m", 1e-4, 1.0, of=(POINTS_BESIDE,)
     )
+    depth_weight: float = parameter(
+        0.3, "factor of what a detector guesses of depths, with errors that last for some image sets; 0: none", "1", 0.0, 10.0
+    )  # fmt: skip
     error_scale: float = parameter(
         2.0, "squared errors of joints over what fits say of them, on rendered people in clothes: covariances are so much larger",
         "1", 0.1, 100.0,

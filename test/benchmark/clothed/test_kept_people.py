@@ -1,5 +1,7 @@
 """What a detector has found is found again by pixels, crop and code."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,7 +55,10 @@ def files(tmp_path):
 
 def test_people_are_the_same_after_packing():
     people = (person(1.0), person(2.0, Silhouette(np.arange(12, dtype=np.uint8).reshape(3, 4), (5, 6))))
+    people = (people[0], replace(people[1], skeleton=np.arange(3.0 * len(NAMES)).reshape(-1, 3)))
     again = unpacked(packed(people))
+    assert again[0].skeleton is None
+    np.testing.assert_array_equal(again[1].skeleton, people[1].skeleton)
     assert len(again) == 2 and all(same(a, b) for a, b in zip(people, again, strict=True))
     assert unpacked(packed(())) == ()
 

@@ -10,6 +10,7 @@ from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
 from tracker_node.objective.keypoints.correspondences import (
     BodyPoints,
+    GuessedDepths,
     KeypointCorrespondences,
     ObservedPoints,
     packed_cameras,
@@ -51,6 +52,45 @@ def test_the_gradient_is_that_of_the_cost(seed):
     points = KeypointCorrespondences(body, packed_cameras(rig), observed.packed())
     g = points.linearize(near).g
     assert_jacobian(2.0 * g, lambda d: np.array(points.linearize(near.retract(d)).cost), tolerance=1e-5)
+
+
+def guesses(rig, body, state, seed):
+    rng, n = np.random.default_rng(seed), len(rig)
+    bones = np.array([[-1.0, 0.0, 0.0, 0.0, 1.0], [0.0, -0.5, 1.0, -0.5, 0.0]])
+    middle, centers = body.places(state).mean(axis=0), np.array([camera.center for camera in rig])
+    away = np.linalg.norm(middle - centers, axis=1)
+    rays = (middle - centers) / away[:, None]
+    depths = 0.6 * (rays @ (bones @ body.places(state)).T) + 0.1 * rng.normal(size=(n, 2))
+    depths[1, 0] = np.nan
+    away = away + 0.2 * rng.normal(size=n)
+    return GuessedDepths(bones, np.full(2, 0.6), depths, np.array([0.1, 0.2]), away, 0.05 * away, centers, rays, 0.3)
+
+
+@pytest.mark.parametrize("sharpness", [1.0, 0.1])
+def test_the_gradient_of_guessed_depths_is_that_of_their_cost(sharpness):
+    rig, state, body, observed = scene(5)
+    near = state.retract(0.02 * np.random.default_rng(5).normal(size=HUMAN.n_dof))
+    depths = guesses(rig, body, state, 5)
+
+    def cost(d):
+        return np.array(depths.compared(body, Configuration(HUMAN, near.retract(d)), sharpness)[2])
+
+    H, g, _ = depths.compared(body, Configuration(HUMAN, near), sharpness)
+    assert_jacobian(2.0 * g, cost, tolerance=1e-5)
+    assert np.linalg.eigvalsh(H)[0] > -1e-9 * np.trace(H)
+    with_them, without = (
+        KeypointCorrespondences(body, packed_cameras(rig), observed.packed(), sharpness, each).linearize(near)
+        for each in (depths, None)
+    )
+    np.testing.assert_allclose(with_them.H - without.H, H, atol=1e-6 * np.abs(without.H).max())
+
+
+def test_a_guess_that_is_wrong_altogether_says_nothing():
+    rig, state, body, _ = scene(6)
+    depths = guesses(rig, body, state, 6)
+    depths.depths[:], depths.distances[:] = 20.0, 90.0
+    H, g, _ = depths.compared(body, Configuration(HUMAN, state), 1.0)
+    assert np.abs(H).max() < 1e-9 and np.abs(g).max() < 1e-9
 
 
 def test_information_is_the_curvature_without_noise_and_outliers():

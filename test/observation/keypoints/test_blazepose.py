@@ -175,6 +175,14 @@ def test_points_come_from_the_square_into_the_image(networks):
     np.testing.assert_allclose(given[128, 128], np.array([30, 20, 10]) / 255.0, atol=1e-6)
 
 
+def test_the_skeleton_is_turned_with_the_square_and_keeps_its_meters(networks):
+    guessed = np.random.default_rng(2).normal(size=(39, 3)).astype(np.float32)
+    networks["p"] = Network([*answer(somewhere())[:-1], guessed.ravel()])
+    skeleton = PointNetwork("p").read(IMAGE, CROP).skeleton
+    c, s = np.cos(CROP.angle), np.sin(CROP.angle)
+    np.testing.assert_allclose(skeleton, guessed[:33] @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), atol=1e-6)
+
+
 @pytest.mark.parametrize(("presence", "somebody"), [(0.5, True), (0.49, False), (np.nan, False)])
 def test_nobody_is_there_where_the_network_says_so(networks, presence, somebody):
     networks["p"] = Network(answer(somewhere(), presence=presence))

@@ -24,6 +24,21 @@ def test_each_point_has_a_place_a_covariance_and_a_score(wrong):
         replace(GOOD, **wrong)
 
 
+def test_a_skeleton_has_a_place_for_each_point():
+    with pytest.raises(ValueError, match=r"expected a skeleton of shape \(n, 3\), got \(3,\)"):
+        replace(GOOD, skeleton=np.zeros(3))
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan, -2e3])
+def test_an_impossible_place_in_a_skeleton_is_not_guessed(value):
+    skeleton = np.arange(9.0).reshape(3, 3)
+    skeleton[1, 2] = value
+    found = checked(replace(GOOD, skeleton=skeleton)).skeleton
+    assert found is not None and np.isnan(found[1]).all()
+    np.testing.assert_array_equal(found[[0, 2]], skeleton[[0, 2]])
+    assert checked(GOOD).skeleton is None
+
+
 def test_a_person_of_no_points_is_one():
     nobody = Person((), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0), 1.0, (0.0, 0.0, 1.0, 1.0))
     assert nobody.silhouette is None

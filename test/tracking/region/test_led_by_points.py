@@ -148,6 +148,20 @@ def test_points_count_in_full_beside_lines(clip, engine):
     np.testing.assert_allclose(at.linearize(fit.state).H, own.H)
 
 
+def test_lines_of_one_camera_count_little_beside_points(clip, engine):
+    fitting, images = engine.solver._fitting, [image.pixels for image in clip.sets[1].images]
+    assert fitting.share == 1.0
+    alone = [(people,) if i == 1 else None for i, people in enumerate(seen(clip, 1))]
+    engine.observe([image if i == 1 else None for i, image in enumerate(images)], clip.states[1], people=alone)
+    assert 0.0 < fitting.share < 0.1
+    fit = engine.fit(clip.states[1], first=False)
+    lines, (points,) = fit.correspondences.linearize(fit.state), fitting.points_at(fit.state)
+    rest = fit.equations.H - fitting.share * lines.H - points.linearize(fit.state).H
+    assert np.abs(rest[:3, :3]).max() < 1e-3 * np.abs(lines.H[:3, :3]).max()
+    engine.observe([image if i == 1 else None for i, image in enumerate(images)], clip.states[1])
+    assert fitting.share == 1.0  # nothing else holds the body
+
+
 def test_surfaces_and_offsets_are_followed_once_a_set(clip, engine):
     region, points = engine.modalities
     fit = engine.fit(clip.states[1], first=False)

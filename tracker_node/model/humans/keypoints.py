@@ -72,6 +72,43 @@ BLAZEPOSE: KeypointTable = {
     ),
 }
 
+
+@dataclass(frozen=True)
+class GuessedBone:
+    """How BlazePose guesses a bone's depth: how much farther from the camera its far end is than its near one.
+
+    Attributes
+    ----------
+    near, far : the middle of these points.
+    share : of the depth, what is guessed of it on average.
+    sigma : standard deviation of the guess, in lengths of the bone.
+    """
+
+    near: tuple[str, ...]
+    far: tuple[str, ...]
+    share: float
+    sigma: float
+
+
+_SHOULDERS, _HIPS = ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip")
+# Over eight rendered people in clothes before four cameras (`benchmark/clothed/_fit.py`)
+GUESSED_BONES: tuple[GuessedBone, ...] = (
+    GuessedBone(_HIPS[:1], _HIPS[1:], 1.10, 0.20),
+    GuessedBone(_SHOULDERS[:1], _SHOULDERS[1:], 0.93, 0.16),
+    GuessedBone(_HIPS, _SHOULDERS, 0.75, 0.13),
+    *(
+        GuessedBone((f"{side}_{near}",), (f"{side}_{far}",), share, sigma)
+        for near, far, share, sigma in (
+            ("shoulder", "elbow", 0.47, 0.21),
+            ("elbow", "wrist", 0.55, 0.31),
+            ("hip", "knee", 0.72, 0.19),
+            ("knee", "ankle", 0.78, 0.20),
+        )
+        for side in ("left", "right")
+    ),
+)
+GUESSED_SIZE, GUESSED_SIZE_SIGMA = 1.055, 0.045  # meters of a body of the default size for one that is guessed
+
 _SIZED_BY = (("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("left_hip", "left_shoulder"))
 
 

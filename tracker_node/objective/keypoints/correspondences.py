@@ -16,6 +16,8 @@ from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import camera_constants
 from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, SCORE, U, V, sum_points
 
+_WILD = 0.05  # density of a guess that is anything, in that of one that is right
+
 PackedCameras = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -91,6 +93,61 @@ class ObservedPoints:
 
 
 @dataclass(frozen=True, eq=False)
+class GuessedDepths:
+    """What a detector guesses of a body along the rays of cameras: how far it is, and which end of each bone is behind the other.
+
+    Attributes
+    ----------
+    bones : (n_bones, n_points) sums of a body's points that lead from one end of a bone to the other.
+    shares : (n_bones,) of a bone's depth, what is guessed of it on average.
+    depths, sigmas : (n_cameras, n_bones) and (n_bones,) meters that the far end is behind the near one; nan without a guess.
+    distances, distance_sigmas : (n_cameras,) meters from the camera to the middle of the points.
+    centers, rays : (n_cameras, 3) meters, world: of the cameras, and unit vectors to where they see the body.
+    weight : factor of what all this says.
+    """
+
+    bones: np.ndarray
+    shares: np.ndarray
+    depths: np.ndarray
+    sigmas: np.ndarray
+    distances: np.ndarray
+    distance_sigmas: np.ndarray
+    centers: np.ndarray
+    rays: np.ndarray
+    weight: float
+
+    def compared(self, body: BodyPoints, configuration: Configuration, sharpness: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """Least squares with a mixture for guesses that are wrong altogether.
+
+        Parameters
+        ----------
+        body, configuration : points of a body, in a state.
+        sharpness : factor of the squares.
+
+        Returns
+        -------
+        H (n_dof, n_dof), g (n_dof,), cost.
+        """
+        places = body.places(configuration.state)
+        moved = configuration.point_jacobian(places, body.links)
+        leads, middle = np.tensordot(self.bones, moved, axes=1), moved.mean(axis=0)
+        e = np.hstack([
+            (self.shares * (self.rays @ (self.bones @ places).T) - self.depths) / self.sigmas,
+            ((((places.mean(axis=0) - self.centers) * self.rays).sum(axis=1) - self.distances) / self.distance_sigmas)[:, None],
+        ])  # fmt: skip
+        J = np.concatenate([
+            (self.shares / self.sigmas)[:, None] * np.einsum("ci,bid->cbd", self.rays, leads),
+            (self.rays @ middle / self.distance_sigmas[:, None])[:, None],
+        ], axis=1)  # fmt: skip
+        guessed = np.isfinite(e)
+        J, e = J[guessed], e[guessed]
+        near, odds = np.exp(-0.5 * sharpness * np.minimum(e * e, 400.0)), sharpness * _WILD
+        weights = sharpness * self.weight * near / (near + odds)
+        cost = -2.0 * self.weight * float(np.log((near + odds) / (1.0 + odds)).sum())
+        return J.T @ (weights[:, None] * J), J.T @ (weights * e), cost
+
+
+@dataclass(frozen=True, eq=False)
 class PointsAt:
     """Points compared with one state.
 
@@ -122,10 +179,14 @@ class KeypointCorrespondences:
     cameras : of `packed_cameras`.
     observed : `ObservedPoints.packed`.
     sharpness : factor of what the cameras say; below 1 for a body that is still far off.
+    depths : that the detector guesses; None: it guesses none.
     """
 
-    def __init__(self, body: BodyPoints, cameras: PackedCameras, observed: np.ndarray, sharpness: float = 1.0):
-        self.body, self.observed, self._cameras, self._sharpness = body, observed, cameras, sharpness
+    def __init__(
+        self, body: BodyPoints, cameras: PackedCameras, observed: np.ndarray, sharpness: float = 1.0,
+        depths: GuessedDepths | None = None,
+    ):  # fmt: skip
+        self.body, self.observed, self._cameras, self._sharpness, self._depths = body, observed, cameras, sharpness, depths
         self._latest: PointsAt | None = None
 
     def at(self, state: State) -> PointsAt:
@@ -163,6 +224,9 @@ class KeypointCorrespondences:
         )  # fmt: skip
         H, g = np.empty((n_dof, n_dof)), np.empty(n_dof)
         assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
+        if self._depths is not None:
+            of_depths = self._depths.compared(body, configuration, self._sharpness)
+            H, g, cost = H + of_depths[0], g + of_depths[1], cost + of_depths[2]
         cameras = tuple(
             CameraEquations(of_cameras[0][i], of_cameras[1][i]) if (weights[:, i] >= 0.0).any() else None
             for i in range(n_cameras)

@@ -138,7 +138,7 @@ class PointNetwork:
         None where there is nobody.
         """
         rgb = cv2.cvtColor(crop.cut(image, _SIDE), cv2.COLOR_BGR2RGB)
-        values, presences, mask, maps, _ = self._network(rgb.astype(np.float32) * (1.0 / 255.0))
+        values, presences, mask, maps, guessed = self._network(rgb.astype(np.float32) * (1.0 / 255.0))
         presence = float(presences[0])
         if not presence >= _LEAST_PRESENCE:
             return None
@@ -156,7 +156,9 @@ class PointNetwork:
         scores = 1.0 / (1.0 + np.exp(-values[:, 3].astype(np.float64)))
         silhouette = _silhouette(mask[:, :, 0], crop, image.shape[:2])
         seen = slice(N_POINTS)
-        return Person(NAMES, pixels[seen], covariances[seen], scores[seen], presence, _box(pixels[seen]), silhouette)
+        skeleton = guessed.reshape(-1, 3).astype(np.float64)[seen]
+        skeleton[:, :2] = skeleton[:, :2] @ A.T / crop.size * _SIDE  # turned as the crop is
+        return Person(NAMES, pixels[seen], covariances[seen], scores[seen], presence, _box(pixels[seen]), silhouette, skeleton)
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ class Person:
     score : probability that there is a person at all.
     box : (4,) least u, least v, largest u, largest v of what shows the person.
     silhouette : the pixels of the person; None where the detector tells none.
+    skeleton : (n, 3) meters in the axes of the camera (right, down, forward) from anywhere: where the points of a person of usual
+        size are to each other, as the detector guesses; nan for one that is not guessed; None where the detector guesses none.
     """
 
     names: tuple[str, ...]
@@ -46,12 +48,15 @@ class Person:
     score: float
     box: tuple[float, float, float, float]
     silhouette: Silhouette | None = None
+    skeleton: np.ndarray | None = None
 
     def __post_init__(self):
         n = len(self.names)
         shapes = (self.pixels.shape, self.covariances.shape, self.scores.shape)
         if shapes != ((n, 2), (n, 2, 2), (n,)):
             raise ValueError(f"expected pixels, covariances, scores of shapes (n, 2), (n, 2, 2), (n,), got {shapes}")
+        if self.skeleton is not None and self.skeleton.shape != (n, 3):
+            raise ValueError(f"expected a skeleton of shape (n, 3), got {self.skeleton.shape}")
 
 
 People = tuple[Person, ...]
@@ -59,6 +64,7 @@ People = tuple[Person, ...]
 
 
 _FAR_PX = 1e6  # no point is farther from the image than this
+_FAR_M = 1e3  # nor one of a skeleton from the others
 
 
 def checked(person: Person) -> Person:
@@ -88,9 +94,13 @@ def checked(person: Person) -> Person:
         found &= (person.scores >= 0.0) & (person.scores <= 1.0)
         found &= (uu >= 0.0) & (vv >= 0.0) & (uv * uv <= uu * vv * (1.0 + 1e-9))
     covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
+    skeleton = person.skeleton
+    if skeleton is not None:
+        skeleton = np.where((found & (np.abs(skeleton) < _FAR_M).all(axis=1))[:, None], skeleton, np.nan)
     return replace(
         person,
         pixels=np.where(found[:, None], person.pixels, 0.0),
         covariances=np.where(found[:, None, None], covariances, np.eye(2)),
         scores=np.where(found, person.scores, 0.0),
+        skeleton=skeleton,
     )

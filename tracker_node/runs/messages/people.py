@@ -20,6 +20,8 @@ from .cameras import image as image_message
 from .parts import Content, header
 
 _UNKNOWN = -1  # number of a person
+_SKELETON = ("skeleton_x", "skeleton_y", "skeleton_z")
+_NO_SKELETON = np.zeros((3, 0))
 _NO_PIXELS = np.zeros((0, 0), np.uint8)
 
 
@@ -82,6 +84,7 @@ def _person(person: Person, stamp_ns: int, frame_id: str) -> Content:
         "covariance_uu": person.covariances[:, 0, 0],
         "covariance_uv": person.covariances[:, 0, 1],
         "covariance_vv": person.covariances[:, 1, 1],
+        **dict(zip(_SKELETON, _NO_SKELETON if person.skeleton is None else person.skeleton.T, strict=True)),
         "silhouette_u": 0,
         "silhouette_v": 0,
         "silhouette": image_message(stamp_ns, frame_id, _NO_PIXELS, "mono8"),
@@ -99,7 +102,8 @@ def _person_of(names: tuple[str, ...], message: Any) -> Person:
     scores = _columns(message, names, ("scores",))[:, 0]
     left, top, right, bottom = (float(number) for number in message.box)
     box = left, top, right, bottom
-    return checked(Person(names, pixels, covariances, scores, float(message.score), box, _silhouette_of(message)))
+    skeleton = _columns(message, names, _SKELETON) if any(len(getattr(message, field)) for field in _SKELETON) else None
+    return checked(Person(names, pixels, covariances, scores, float(message.score), box, _silhouette_of(message), skeleton))
 
 
 def _columns(message: Any, names: Sequence[str], fields: Sequence[str]) -> np.ndarray:

@@ -121,7 +121,10 @@ def completed(person: Person, names: tuple[str, ...]) -> Person:
     """
     n = len(names)
     pixels, covariances, scores = np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1)), np.zeros(n)
+    skeleton = None if person.skeleton is None else np.full((n, 3), np.nan)
     given = {name: row for row, name in enumerate(person.names)}
     for k, row in ((k, given[name]) for k, name in enumerate(names) if name in given):
         pixels[k], covariances[k], scores[k] = person.pixels[row], person.covariances[row], person.scores[row]
-    return replace(person, names=names, pixels=pixels, covariances=covariances, scores=scores)
+        if skeleton is not None and person.skeleton is not None:
+            skeleton[k] = person.skeleton[row]
+    return replace(person, names=names, pixels=pixels, covariances=covariances, scores=scores, skeleton=skeleton)

@@ -16,8 +16,15 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
-from ...model.humans.keypoints import KeypointTable, relative_size
-from ...objective.keypoints.correspondences import BodyPoints, KeypointCorrespondences, ObservedPoints, PointsAt, packed_cameras
+from ...model.humans.keypoints import GUESSED_BONES, GUESSED_SIZE, GUESSED_SIZE_SIGMA, KeypointTable, relative_size
+from ...objective.keypoints.correspondences import (
+    BodyPoints,
+    GuessedDepths,
+    KeypointCorrespondences,
+    ObservedPoints,
+    PointsAt,
+    packed_cameras,
+)
 from ...objective.keypoints.kernels import N_COLUMNS
 from ..config import KeypointConfig
 from ..modality import Images, Modality, Persons
@@ -69,11 +76,13 @@ class KeypointModality(Modality):
         self._cameras = packed_cameras(rig)
         self._observed: np.ndarray | None = None
         self.looked = False
+        self._guesses = DepthGuesses(rig, self.names, points, config)
+        self._depths: GuessedDepths | None = None
 
     def reset(self) -> None:
         """Offsets are as before anything has been seen."""
         self.offsets.reset()
-        self._observed = None
+        self._observed = self._depths = None
 
     def lessons(self, known: bool) -> Sequence[None]:
         """Nothing is learned from a first image set before the body is fitted."""
@@ -86,12 +95,12 @@ class KeypointModality(Modality):
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
         """Take the points of the body in each camera."""
-        self._observed, self.looked = None, bool(persons)
+        self._observed, self._depths, self.looked = None, None, bool(persons)
         if expected is not None and any(person is not None for person in persons):
             observed = self._of(persons)
             if delays is not None:
                 self._brought_together(observed, expected, delays)
-            self._observed = observed.packed()
+            self._observed, self._depths = observed.packed(), self._guesses.of(persons)
 
     def _of(self, persons: Persons) -> ObservedPoints:
         n, m, config = len(self.names), len(self._rig), self._config
@@ -134,7 +143,7 @@ class KeypointModality(Modality):
         observed = self._observed
         if observed is None:
             observed = np.zeros((len(self.names), len(self._rig), N_COLUMNS))
-        return KeypointCorrespondences(self.offsets.body, self._cameras, observed, sharpness)
+        return KeypointCorrespondences(self.offsets.body, self._cameras, observed, sharpness, self._depths)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
         """Follow the offsets of the points on parts that are where the state says."""
@@ -144,6 +153,50 @@ class KeypointModality(Modality):
                 doubtful = self._model.shape_links[np.asarray(weights) <= 0.5]
                 trusted = ~np.isin(self.offsets.body.links, doubtful)
             self.offsets.update(self.correspond(state, 1.0).at(state), trusted)
+
+
+class DepthGuesses:
+    """Makes `GuessedDepths` of the skeletons that a detector guesses.
+
+    Parameters
+    ----------
+    rig, names, points, config : cameras, a body's points, and parameters.
+    """
+
+    def __init__(self, rig: CameraRig, names: tuple[str, ...], points: BodyPoints, config: KeypointConfig):
+        self._rig, self._names, self._weight = rig, names, config.depth_weight
+        self._meters = GUESSED_SIZE * relative_size(points.model)
+        known = [bone for bone in GUESSED_BONES if {*bone.near, *bone.far} <= set(names)]
+        self._bones = np.zeros((len(known), len(names)))
+        for row, bone in zip(self._bones, known, strict=True):
+            for part, sign in ((bone.far, 1.0), (bone.near, -1.0)):
+                row[[names.index(name) for name in part]] = sign / len(part)
+        lengths = np.linalg.norm(self._bones @ points.places(State.neutral(points.model)), axis=1)
+        self._shares, self._sigmas = np.array([bone.share for bone in known]), lengths * [bone.sigma for bone in known]
+
+    def of(self, persons: Persons) -> GuessedDepths | None:
+        """What the detector guesses of the body in each camera; None without any guess."""
+        if not self._weight or not any(person is not None and person.skeleton is not None for person in persons):
+            return None
+        n = len(self._rig)
+        depths, distances, rays = np.full((n, len(self._shares)), np.nan), np.full(n, np.nan), np.zeros((n, 3))
+        for i, (camera, person) in enumerate(zip(self._rig, persons, strict=True)):
+            if person is None or person.skeleton is None:
+                continue
+            rows = [person.names.index(name) for name in self._names]
+            pixels, skeleton = person.pixels[rows], self._meters * person.skeleton[rows]
+            known = np.isfinite(skeleton).all(axis=1)
+            if known.any():
+                for k, bone in enumerate(self._bones):
+                    depths[i, k] = bone[bone != 0.0] @ skeleton[bone != 0.0, 2]
+                seen, flat = (each[known] - each[known].mean(axis=0) for each in (pixels, skeleton[:, :2]))
+                px_per_m = max(float((seen * flat).sum()), 1e-9) / max(float((flat * flat).sum()), 1e-9)
+                distances[i] = float(camera.model.params[0]) / px_per_m
+                ray = camera.model.rays(pixels[known].mean(axis=0)[None])[0][0]
+                rays[i] = camera.T_world_cam[:3, :3] @ ray / np.linalg.norm(ray)
+        centers = np.array([camera.center for camera in self._rig])
+        spreads = GUESSED_SIZE_SIGMA * distances
+        return GuessedDepths(self._bones, self._shares, depths, self._sigmas, distances, spreads, centers, rays, self._weight)
 
 
 class PointOffsets:

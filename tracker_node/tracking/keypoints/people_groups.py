@@ -54,7 +54,10 @@ class PersonGroup:
 def mirrored(person: Person) -> Person:
     """The person with the points of left and right exchanged."""
     rows = [person.names.index(mirrored_name(name)) for name in person.names]
-    return replace(person, pixels=person.pixels[rows], covariances=person.covariances[rows], scores=person.scores[rows])
+    skeleton = None if person.skeleton is None else person.skeleton[rows]
+    return replace(
+        person, pixels=person.pixels[rows], covariances=person.covariances[rows], scores=person.scores[rows], skeleton=skeleton
+    )  # fmt: skip
 
 
 def grouped(rig: CameraRig, people: PeopleSeen) -> list[PersonGroup]:

@@ -30,6 +30,7 @@ _FINE_DAMPING = 1e-5  # the same of joints on the finest lines, which priors hol
 _FIRST_RATE = 0.9  # weight of the first image set in how well contours fit; later ones follow at a falling rate
 _USUAL_SPREAD = 0.7  # of residuals beside what they are taken to have, on rendered clips and on recorded ones
 _LEAST_SHARE = 0.5  # what is left for kernels so narrow that most residuals are outliers
+_ALONE = 0.05  # what lines of one camera count for beside points: see `RegionFitting.share`
 _PART_SCALES = (4.0, 2.0, 1.0)  # pixels from place to place on the lines by which single limbs are fitted
 _PART = LevenbergMarquardtOptions(max_iterations=3, tolerance=1e-3)
 
@@ -77,8 +78,16 @@ class RegionFitting:
 
     @property
     def share(self) -> float:
-        """What the lines count for in the fit: both modalities see the same contours."""
-        return 1.0 if self._beside is None else 0.5
+        """What the lines count for in the fit: another modality sees the same contours.
+
+        To one camera alone a body in wide clothes is a near one, with limbs bent towards it: there points lead all the way.
+        """
+        return (1.0 if self._beside is None else 0.5) * self._share_beside_points
+
+    @property
+    def _share_beside_points(self) -> float:
+        has_points = self._points is not None and self._points.has_points
+        return _ALONE if has_points and sum(view is not None for view in self.region.views) == 1 else 1.0
 
     def fit(self, start: State, scales: Sequence[float], prior: Prior | None, model_sigma_px: float) -> LineFit:
         """The body fitted to lines of these scales.
@@ -98,7 +107,7 @@ class RegionFitting:
         priors = [prior or staying(start, self._config.motion), *self._resting]
         points = self.points_at(start)
         stages = self._stages(start, scales, prior, model_sigma_px)
-        found = self._fitter.fit(start, self.region, stages, priors, others, points)
+        found = self._fitter.fit(start, self.region, stages, priors, others, points, self._share_beside_points)
         return self._as_line_fit(found, self._adapted(found, model_sigma_px))
 
     def fit_part(self, start: State, dofs: np.ndarray, model_sigma_px: float) -> LineFit:
