@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     from ...model.humans.human import human_model
 
     given = args.model or args.from_run
-    check(not (args.stiff_ankles and given), "--stiff-ankles", "no --model or --from-run beside it, which have their own joints")
+    check(not (args.stiff_ankles and given), "--stiff-ankles", "no --model or --from-run, which have their own joints", "both")
     if args.from_run:
         return _fit_to_images(args)
     if args.from_points:
