@@ -195,3 +195,56 @@ def test_the_beginning_is_that_of_the_start_and_swaps_are_forgotten():
     assert made.find(people) is state and made.find(people, near := np.zeros(3)) is state
     assert start.asked == [(people, None), (people, near)]
     np.testing.assert_array_equal(made._swaps, -2.0)
+
+
+def with_exchanged(person: Person, *joints: str) -> Person:
+    """The person with left and right of these joints alone exchanged."""
+    other, rows = swapped(person), [NAMES.index(f"{side}_{joint}") for joint in joints for side in ("left", "right")]
+    pixels, covariances, scores = person.pixels.copy(), person.covariances.copy(), person.scores.copy()
+    pixels[rows], covariances[rows], scores[rows] = other.pixels[rows], other.covariances[rows], other.scores[rows]
+    return replace(person, pixels=pixels, covariances=covariances, scores=scores)
+
+
+def test_single_joints_that_one_camera_has_exchanged_are_exchanged_back():
+    people = true_people()
+    covariances = np.arange(1.0, len(NAMES) + 1.0)[:, None, None] * np.eye(2)
+    people[2] = replace(people[2], covariances=covariances, scores=np.linspace(0.9, 1.0, len(NAMES)))
+    found = choice().choose([(people[0],), (people[1],), (with_exchanged(people[2], "shoulder", "elbow"),)], TRUE)
+    for name in ("pixels", "covariances", "scores"):
+        np.testing.assert_array_equal(getattr(found[2], name), getattr(people[2], name))
+    assert found[0] is people[0] and found[1] is people[1]
+
+
+def test_joints_that_all_cameras_have_exchanged_stay():
+    """The body may be so, and what is expected wrong."""
+    people = tuple((with_exchanged(person, "knee"),) for person in true_people())
+    assert list(choice().choose(people, TRUE)) == [person for (person,) in people]
+
+
+def test_a_pair_is_exchanged_where_it_costs_four_less(monkeypatch):
+    """Half squares up to three standard deviations, of the covariance and of 5 cm, and linear from there, times the scores."""
+    made, person = choice(), replace(true_people()[0], scores=np.full(len(NAMES), 0.8))
+    expected = made._modality.places(TRUE)
+    camera = RIG.cameras[0]
+    depth = np.median((expected - camera.center) @ camera.T_world_cam[:3, 2])
+    variance = (0.05 * camera.model.K[0, 0] / depth) ** 2
+    points = list(made._modality.names)
+    pixels, _ = camera.project(expected)
+    gains = made._pair_gains(0, person, expected)
+
+    def cost(name: str, place: str) -> float:
+        row = NAMES.index(name)
+        e = person.pixels[row] - pixels[points.index(place)]
+        far = float(np.sqrt(e @ np.linalg.solve(person.covariances[row] + variance * np.eye(2), e)))
+        return 0.8 * (0.5 * far**2 if far < 3.0 else 3.0 * far - 4.5)
+
+    for joint in ("shoulder", "hip", "ankle"):
+        one, other = f"left_{joint}", f"right_{joint}"
+        gain = cost(one, one) + cost(other, other) - cost(one, other) - cost(other, one)
+        assert gains[[points.index(one), points.index(other)]] == pytest.approx([gain, gain])
+    assert gains[points.index("nose")] == 0.0
+    for gain, exchanged in ((3.9, False), (4.1, True)):
+        told = {0: np.where(np.isin(points, ["left_hip", "right_hip"]), gain, 0.0), 1: np.full(len(points), -5.0)}
+        monkeypatch.setattr(made, "_pair_gains", lambda i, *_, told=told: told.get(i, np.zeros(len(points))))
+        (found, *_) = made.choose([(person,), (), ()], TRUE)
+        assert (found is not person) == exchanged

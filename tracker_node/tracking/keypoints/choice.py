@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.configuration import State
+from ...model.humans.measures import mirrored_name
 from ...observation.keypoints.people import Person
 from ..engine import Choice
 from ..modality import PeopleSeen, Persons
@@ -18,6 +21,9 @@ _OUTLIER = 0.15  # fraction of points that are anywhere
 _LEAST = 2.0  # log-likelihood ratio, a point that is sure, of the body against anybody
 _SWAP_PRIOR = -2.0  # log odds of a swap before anything has been seen, a person
 _SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from set to set
+# Left and right of single joints: standard deviation of points of the body around where they are expected; from how many of them
+# costs grow linearly; log-likelihood ratio from which a joint is exchanged, as one in fifty images has it
+_PAIR_M, _PAIR_FAR, _PAIR_LEAST = 0.05, 3.0, 4.0
 
 
 class PersonChoice(Choice):
@@ -32,6 +38,9 @@ class PersonChoice(Choice):
 
     def __init__(self, rig: CameraRig, modality: KeypointModality, start: PointStart):
         self._rig, self._modality, self._start = rig, modality, start
+        names = list(modality.names)
+        twins = [mirrored_name(name) for name in names]
+        self._mirrored = np.array([names.index(twin) if twin in names else k for k, twin in enumerate(twins)])
         self.reset()
 
     def reset(self) -> None:
@@ -48,13 +57,56 @@ class PersonChoice(Choice):
         if all(persons is None for persons in people):
             return ()
         places = self._modality.places(expected)
-        return [self._chosen(i, persons or (), places) for i, persons in enumerate(people)]
+        return self._with_pairs([self._chosen(i, persons or (), places) for i, persons in enumerate(people)], places)
+
+    def _with_pairs(self, persons: list[Person | None], places: np.ndarray) -> list[Person | None]:
+        """With left and right of single joints exchanged, as a detector has those of shoulders where the trunk is twisted.
+
+        Only where all cameras together contradict: what most of them see exchanged may be so, and the expectation wrong.
+        """
+        gains = np.array([self._pair_gains(i, person, places) for i, person in enumerate(persons)])
+        wrong = (gains > _PAIR_LEAST) & (gains.sum(axis=0) < 0.0)
+        return [self._with_rows(person, wrong[i]) if wrong[i].any() else person for i, person in enumerate(persons)]
+
+    def _pair_gains(self, i: int, person: Person | None, places: np.ndarray) -> np.ndarray:
+        """(n_points,) log-likelihood ratio of each pair, exchanged against as found, the same for both of its points."""
+        if person is None:
+            return np.zeros(len(places))
+        camera, names = self._rig.cameras[i], self._modality.names
+        pixels, seen = camera.project(places)
+        sigma_px = self._sigma_px(i, places, _PAIR_M)
+        rows = np.array([person.names.index(name) for name in names])
+        found = self._distances(person, rows, pixels, sigma_px)
+        exchanged = self._distances(person, rows[self._mirrored], pixels, sigma_px)
+        gain = np.where(seen & np.isfinite(found - exchanged), found - exchanged, 0.0)
+        return gain + np.where(self._mirrored == np.arange(len(names)), 0.0, gain[self._mirrored])
+
+    @staticmethod
+    def _distances(person: Person, rows: np.ndarray, pixels: np.ndarray, sigma_px: float) -> np.ndarray:
+        """(n,) costs of the points in ``rows``: half of the squared distances, linear far off, times their scores."""
+        S, e = person.covariances[rows] + sigma_px**2 * np.eye(2), person.pixels[rows] - pixels
+        far = np.sqrt(np.einsum("ni,nij,nj->n", e, np.linalg.inv(S), e))
+        return person.scores[rows] * np.where(far < _PAIR_FAR, 0.5 * far**2, _PAIR_FAR * (far - 0.5 * _PAIR_FAR))
+
+    def _with_rows(self, person: Person, wrong: np.ndarray) -> Person:
+        """The person with the points in ``wrong`` exchanged with those of the other side."""
+        names = self._modality.names
+        to = [person.names.index(names[k]) for k in np.flatnonzero(wrong)]
+        of = [person.names.index(names[k]) for k in self._mirrored[wrong]]
+        pixels, covariances, scores = person.pixels.copy(), person.covariances.copy(), person.scores.copy()
+        pixels[to], covariances[to], scores[to] = person.pixels[of], person.covariances[of], person.scores[of]
+        return replace(person, pixels=pixels, covariances=covariances, scores=scores)
+
+    def _sigma_px(self, i: int, places: np.ndarray, sigma_m: float) -> float:
+        """Pixels of a length at the body's distance from a camera."""
+        camera = self._rig.cameras[i]
+        depth = float(np.median((places - camera.center) @ camera.T_world_cam[:3, 2]))
+        return sigma_m * float(camera.model.K[0, 0]) / max(depth, 0.1)
 
     def _chosen(self, i: int, persons: tuple[Person, ...], places: np.ndarray) -> Person | None:
         camera, best, most = self._rig.cameras[i], None, -np.inf
         pixels, seen = camera.project(places)
-        depth = float(np.median((places - camera.center) @ camera.T_world_cam[:3, 2]))
-        sigma_px = _EXPECTED_M * float(camera.model.K[0, 0]) / max(depth, 0.1)
+        sigma_px = self._sigma_px(i, places, _EXPECTED_M)
         swap = self._swaps[i] * _SWAP_KEPT + _SWAP_PRIOR * (1.0 - _SWAP_KEPT)
         for person in persons:
             as_found, sure = self._agreement(person, pixels, seen, sigma_px)
