@@ -66,7 +66,9 @@ class PersonChoice(Choice):
         """
         gains = np.array([self._pair_gains(i, person, places) for i, person in enumerate(persons)])
         wrong = (gains > _PAIR_LEAST) & (gains.sum(axis=0) < 0.0)
-        return [self._with_rows(person, wrong[i]) if wrong[i].any() else person for i, person in enumerate(persons)]
+        return [
+            self._with_rows(person, own) if person and own.any() else person for person, own in zip(persons, wrong, strict=True)
+        ]
 
     def _pair_gains(self, i: int, person: Person | None, places: np.ndarray) -> np.ndarray:
         """(n_points,) log-likelihood ratio of each pair, exchanged against as found, the same for both of its points."""
