@@ -12,19 +12,20 @@ from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...objective.lines import table
-from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, View
-from ...objective.per_camera import samples_seen
+from ...objective.lines.correspondences import LineCorrespondences, LineDrawer
+from ...objective.per_camera import samples_seen, serial
 from ...objective.shape_jacobian import ContourLines, normalized
 from ...observation.chamfer.observer import Observer
 from ...observation.image_set import ImageSet
-from ...observation.region.background import RegionBackground
-from ...observation.region.colors import RegionColors, color_classes, stated_densities
+from ...observation.region.colors import color_classes
 from ...render.contour import samples as cs
 from ...render.contour.generators import P
 from ...render.contour.samples import SHAPE
+from ...render.occluders import Occluders
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
 from ...tracking.config import TrackerConfig
+from ...tracking.region.appearance import RegionAppearance
 from ...tracking.region.modality import line_options
 
 _OUTWARD_PX = 3.0  # so far beyond a contour it is decided what lies there
@@ -84,9 +85,7 @@ class VisibleSamples:
     points: np.ndarray
 
 
-def visible_samples(
-    configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int
-) -> VisibleSamples:
+def visible_samples(configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int) -> VisibleSamples:
     """All contour samples of a body that a camera sees, those of one shape together.
 
     Parameters
@@ -121,9 +120,7 @@ class SilhouetteEvidence(LineEvidence):
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
         """Distances to silhouettes and edges, which reach as far as they do in tracking."""
         options = self._config.chamfer, self._config.background
-        cameras = [
-            (c, Observer(c.name, (c.model.width, c.model.height), *options, self._backgrounds.get(c.name))) for c in rig
-        ]
+        cameras = [(c, Observer(c.name, (c.model.width, c.model.height), *options, self._backgrounds.get(c.name))) for c in rig]
         self._maps = [
             [self._look(observer, k, model, camera, states[k][i]) for i, (camera, observer) in enumerate(cameras)]
             for k in range(len(self._sets))
@@ -223,54 +220,30 @@ class RegionEvidence(LineEvidence):
     Colors are learned in all image sets together, one camera at a time, so that a limb that is off in one set does no harm.
     """
 
-    _seen: list[tuple[RegionColors, RegionBackground]]
+    _appearance: RegionAppearance
     _drawer: tuple[ArticulatedModel, CameraRig, LineDrawer] | None = None
     _scale, _model_sigma_px = 1.0, 0.5
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
         """Colors of body and background; ``robust_px`` gives the length of the lines, and the uncertainty of the model."""
-        region, classes = self._config.region, color_classes(model)
-        stated = stated_densities(model, classes)
+        region, nothing = self._config.region, Occluders(None, rig)
         self._scale, self._model_sigma_px = max(1.0, robust_px / 3.0), robust_px / 6.0
-
-        def learn(i: int) -> tuple[RegionColors, RegionBackground]:
-            colors, camera, seen = RegionColors(classes, stated, region.color_prior), rig.cameras[i], 0
-            room = self._background_of(camera.name)
-            for k, images in enumerate(self._sets):
-                image = images.get(camera.name)
-                found = (
-                    None
-                    if image is None
-                    else render_labels(Configuration(model, states[k][i]), camera, region.background_ring_px)
-                )
-                if image is not None and found is not None and min(found[1].shape) >= _LEAST_REGION_PX:
-                    seen += 1
-                    colors.learn(image.bgr, *found, 1.0 / seen, region.margin_px, region.background_ring_px)
-                    if region.learn_background and len(self._sets) > 1:
-                        room.learn(image.bgr, *found)
-            return colors, room
-
-        self._seen = [learn(i) for i in range(len(rig))]
-
-    def _background_of(self, camera: str) -> RegionBackground:
-        images, background = self._backgrounds.get(camera), self._config.background
-        backgrounds = [] if images is None else [images] if isinstance(images, np.ndarray) else list(images)
-        return RegionBackground(backgrounds, background.sigma, background.learning_rate, background.body_margin_px)
+        self._appearance = RegionAppearance(rig, model, region, self._config.background, serial, nothing, self._backgrounds)
+        all_parts = np.ones(len(model.shapes)) if len(self._sets) > 1 else None
+        for i, camera in enumerate(rig):
+            shown = [(image.bgr, k) for k, images in enumerate(self._sets) if (image := images.get(camera.name)) is not None]
+            for n, (pixels, k) in enumerate(shown, 1):
+                alone = [pixels if j == i else None for j in range(len(rig))]
+                self._appearance.learn(alone, states[k][i], [None] * len(rig), 1.0 / n, region.margin_px, all_parts)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         """With the contour's position by the colors on either side."""
         if self._drawer is None or self._drawer[0] is not model or self._drawer[1] is not rig:
             self._drawer = model, rig, self._make(model, rig)
-        drawer, images = self._drawer[2], self._sets[index]
-        views: list[View | None] = []
-        for camera, (colors, room) in zip(rig, self._seen, strict=True):
-            image = images.get(camera.name)
-            if image is None or not colors.knows:
-                views.append(None)
-            else:
-                views.append(View(image.bgr, (colors.body, colors.scene), room.packed))
+        images = [self._sets[index].get(camera.name) for camera in rig]
+        views = self._appearance.views([None if image is None else image.bgr for image in images])
         offsets = [state.difference(states[0]) if state is not states[0] else None for state in states]
-        found = drawer.draw(views, states[0], self._scale, self._config.region.model_sigma_px, offsets)
+        found = self._drawer[2].draw(views, states[0], self._scale, self._config.region.model_sigma_px, offsets)
         return joined([self._lines(i, model, found) for i in found.active])
 
     def _make(self, model: ArticulatedModel, rig: CameraRig) -> LineDrawer:
