@@ -15,21 +15,20 @@ from ...objective.lines import table
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer
 from ...objective.per_camera import samples_seen, serial
 from ...objective.shape_jacobian import ContourLines, normalized
-from ...observation.chamfer.observer import Observer
+from ...observation.chamfer.observer import Observation
 from ...observation.image_set import ImageSet
 from ...observation.region.colors import color_classes
 from ...render.contour import samples as cs
 from ...render.contour.generators import P
 from ...render.contour.samples import SHAPE
 from ...render.occluders import Occluders
-from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
+from ...tracking.chamfer.modality import ChamferModality
 from ...tracking.config import TrackerConfig
 from ...tracking.region.appearance import RegionAppearance
 from ...tracking.region.modality import line_options
 
 _OUTWARD_PX = 3.0  # so far beyond a contour it is decided what lies there
-_LEAST_REGION_PX = 8  # a body of which less is in view gives no lines
 
 
 class LineEvidence(ABC):
@@ -45,6 +44,14 @@ class LineEvidence(ABC):
         self, sets: Sequence[ImageSet], config: TrackerConfig, backgrounds: Mapping[str, np.ndarray | list] | None = None
     ):
         self._sets, self._config, self._backgrounds = list(sets), config, dict(backgrounds or {})
+
+    def _images(self, index: int, rig: CameraRig) -> list[np.ndarray | None]:
+        images = [self._sets[index].get(camera.name) for camera in rig]
+        return [None if image is None else image.bgr for image in images]
+
+    def _alone(self, index: int, rig: CameraRig, camera: int) -> list[np.ndarray | None]:
+        image = self._sets[index].get(rig.cameras[camera].name)
+        return [image.bgr if i == camera and image is not None else None for i in range(len(rig))]
 
     @abstractmethod
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
@@ -115,45 +122,37 @@ class SilhouetteEvidence(LineEvidence):
     which the colors tell little.
     """
 
-    _maps: list[list[_Maps | None]]
+    _seen: list[list[Observation | None]]
 
     def look(self, model: ArticulatedModel, rig: CameraRig, states: Sequence[Sequence[State]], robust_px: float) -> None:
         """Distances to silhouettes and edges, which reach as far as they do in tracking."""
-        options = self._config.chamfer, self._config.background
-        cameras = [(c, Observer(c.name, (c.model.width, c.model.height), *options, self._backgrounds.get(c.name))) for c in rig]
-        self._maps = [
-            [self._look(observer, k, model, camera, states[k][i]) for i, (camera, observer) in enumerate(cameras)]
-            for k in range(len(self._sets))
-        ]
+        modality = ChamferModality(rig, model, self._config, self._backgrounds, serial)
 
-    def _look(self, observer: Observer, k: int, model: ArticulatedModel, camera: Camera, state: State) -> _Maps | None:
-        image, config = self._sets[k].get(camera.name), self._config
-        if image is None:
-            return None
-        found = render_labels(Configuration(model, state), camera, config.chamfer.margin_px)
-        if found is None or min(found[1].shape) < _LEAST_REGION_PX:
-            return None
-        region, labels = found
-        observer.begin(image.bgr, region, labels, config.background.body_margin_px)
-        seen = observer.observe(image.bgr, region, labels)
-        return None if seen.empty else _Maps(region[:2], seen.silhouette_distance, seen.edge_distance)
+        def look(k: int, i: int) -> Observation | None:
+            image, state = self._alone(k, rig, i), states[k][i]
+            modality.learn_first(image, state, self._config.background.body_margin_px)
+            modality.set_images(image, state)
+            seen = modality.observations[i]
+            return None if seen is None or seen.empty else seen
+
+        self._seen = [[look(k, i) for i in range(len(rig))] for k in range(len(self._sets))]
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         """To the silhouette for the outline, and to edges within it."""
         arrays, chamfer = ShapeArrays.from_model(model, caps=False), self._config.chamfer
         drawn = []
-        for i, maps in enumerate(self._maps[index]):
-            if maps is not None:
+        for i, seen in enumerate(self._seen[index]):
+            if seen is not None:
                 samples = visible_samples(Configuration(model, states[i]), arrays, rig.cameras[i], chamfer.samples_per_line)
-                drawn.append(self._read(i, samples, maps))
+                drawn.append(self._read(i, samples, seen))
         return joined(drawn)
 
-    def _read(self, camera: int, samples: VisibleSamples, maps: _Maps) -> ContourLines:
+    def _read(self, camera: int, samples: VisibleSamples, seen: Observation) -> ContourLines:
         chamfer = self._config.chamfer
-        at, outer = samples.pixels[:, :2] - maps.origin, samples.info[:, cs.CLASS] == cs.OUTER
+        at, outer = samples.pixels[:, :2] - seen.region[:2], samples.info[:, cs.CLASS] == cs.OUTER
         value, slope = np.zeros(len(at)), np.zeros((len(at), 2))
         ok = np.zeros(len(at), dtype=bool)
-        for rows, distances in ((outer, maps.silhouette), (~outer, maps.edges)):
+        for rows, distances in ((outer, seen.silhouette_distance), (~outer, seen.edge_distance)):
             value[rows], slope[rows], ok[rows] = bilinear(distances, at[rows])
         steepness = np.linalg.norm(slope, axis=1)
         ok &= steepness > 0.2  # else beyond the truncation, or on a ridge between two boundaries
@@ -169,13 +168,6 @@ class SilhouetteEvidence(LineEvidence):
             np.full(len(keep), camera), samples.info[keep, cs.SHAPE].astype(np.int64), samples.points[keep],
             samples.pixels[keep, :2], normals[keep], -value[keep], variance[keep],
         )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class _Maps:
-    origin: tuple[int, int]
-    silhouette: np.ndarray
-    edges: np.ndarray
 
 
 def joined(lines: Sequence[ContourLines]) -> ContourLines:
@@ -231,17 +223,16 @@ class RegionEvidence(LineEvidence):
         self._appearance = RegionAppearance(rig, model, region, self._config.background, serial, nothing, self._backgrounds)
         all_parts = np.ones(len(model.shapes)) if len(self._sets) > 1 else None
         for i, camera in enumerate(rig):
-            shown = [(image.bgr, k) for k, images in enumerate(self._sets) if (image := images.get(camera.name)) is not None]
-            for n, (pixels, k) in enumerate(shown, 1):
-                alone = [pixels if j == i else None for j in range(len(rig))]
-                self._appearance.learn(alone, states[k][i], [None] * len(rig), 1.0 / n, region.margin_px, all_parts)
+            shown = [k for k, images in enumerate(self._sets) if images.get(camera.name) is not None]
+            for n, k in enumerate(shown, 1):
+                image, together = self._alone(k, rig, i), [None] * len(rig)
+                self._appearance.learn(image, states[k][i], together, 1.0 / n, region.margin_px, all_parts)
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         """With the contour's position by the colors on either side."""
         if self._drawer is None or self._drawer[0] is not model or self._drawer[1] is not rig:
             self._drawer = model, rig, self._make(model, rig)
-        images = [self._sets[index].get(camera.name) for camera in rig]
-        views = self._appearance.views([None if image is None else image.bgr for image in images])
+        views = self._appearance.views(self._images(index, rig))
         offsets = [state.difference(states[0]) if state is not states[0] else None for state in states]
         found = self._drawer[2].draw(views, states[0], self._scale, self._config.region.model_sigma_px, offsets)
         return joined([self._lines(i, model, found) for i in found.active])
