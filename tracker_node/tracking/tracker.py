@@ -36,6 +36,8 @@ from .self_check import SelfCheck, SelfCheckOptions
 from .uncertainty.covariance import ImageEvidence, fit_covariance
 
 _LOST_SETS = 2  # image sets in which a body was LOST, after which a detector's points say where it is
+_HELD_SETS = 5  # that a body was not LOST, for what was learned from it to be the body's...
+_KNOWN_SETS = 100  # ...and in which it is LOST, until that says nothing any more
 _CLEARLY = 0.05  # fraction of its log-likelihood ratio by which another place has to be better than one that is not lost
 
 
@@ -44,8 +46,8 @@ class _Track:
     """What is known of the body that is followed.
 
     ``log_ratio``: of the last assessment. ``start``: its last state, or the one that was given; None: it is not known. ``lost``:
-    image sets in a row in which it was LOST. ``unproven``: image sets since the start in which a limb was lost; None: there was
-    one without.
+    image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
+    since the start in which a limb was lost; None: there was one without.
     """
 
     engine: AnyEngine
@@ -53,6 +55,7 @@ class _Track:
     start: State | None
     log_ratio: float | None = None
     lost: int = 0
+    held: int = 0
     unproven: int | None = 0
 
 
@@ -183,7 +186,7 @@ class Tracker:
         self._restart(track.start)
         self._track.engine.begin(images, track.start, known=True)
         self._track.motion.take_over(track.motion)
-        self._track.log_ratio, self._track.lost, self._track.unproven = track.log_ratio, track.lost, track.unproven
+        self._track = replace(track, engine=self._track.engine, motion=self._track.motion)
 
     def _reinitialized(self, initializer: Initializer, images: Images, image_set: ImageSet) -> TrackEstimate | None:
         """The estimate of another tracker that has found the body in all of the images, and whose track is taken; or None.
@@ -218,7 +221,7 @@ class Tracker:
         """Whether a LOST body may be somewhere else: what was learned while it was tracked speaks more for that than for where it
         is taken to be. None where nothing can tell."""
         track, engine, here = self._track, self._track.engine, self._track.start
-        if here is None or not track.lost or track.unproven is not None:
+        if here is None or not 0 < track.lost < _KNOWN_SETS or track.held < _HELD_SETS:
             return None
         gain = engine.support(images, here)
         if gain is None:
@@ -432,7 +435,7 @@ class Tracker:
     ) -> None:
         track, lost = self._track, assessment.status is Status.LOST
         track.start = state
-        track.lost = track.lost + 1 if lost else 0
+        track.lost, track.held = (track.lost + 1, track.held) if lost else (0, track.held + 1)
         if track.unproven is not None:
             any_lost = lost or any(limb.status is LimbStatus.LOST for limb in assessment.limbs)
             track.unproven = track.unproven + 1 if any_lost else None

@@ -7,9 +7,12 @@ import pytest
 
 from helpers.cameras.start_scenes import scene, standing
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.parallel import Workers
 from tracker_node.tracking.assessment import Assessment
+from tracker_node.tracking.config import InitializationConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status, Timings, TrackEstimate
-from tracker_node.tracking.initialization.initializer import Contest, Trial, rivals
+from tracker_node.tracking.initialization.detector import Start
+from tracker_node.tracking.initialization.initializer import Contest, Initializer, Trial, rivals
 from tracker_node.tracking.initialization.initializer import standing as standing_of
 
 SCENE = scene(1)
@@ -48,6 +51,29 @@ class Scripted:
         return TrackEstimate(
             0, status, "", HERE, nothing, nothing, 0.0, 0.0, (), 0, 0, Timings(0.0, 0.0, 0.0), limbs=(limb(0.0),)
         )  # fmt: skip
+
+
+def test_a_search_that_fails_again_and_again_pauses_longer_and_longer(monkeypatch):
+    made = Initializer(SCENE.rig, SCENE.model, InitializationConfig(interval_sets=2), {}, Workers(1), None, lambda: Scripted([]))
+    searched = []
+
+    def find(images, around):
+        searched.append(len(searched))
+        return [Start(HERE, 0.9)]
+
+    monkeypatch.setattr(made._finder, "find", find)
+    monkeypatch.setattr(made._finder, "watch", lambda images: None)
+    monkeypatch.setattr(made, "_chosen", lambda *_: [HERE, TURNED])
+    refused = []
+    after = []
+    for _ in range(40):
+        assert made.find([], NO_IMAGES, None, lambda state: refused.append(state)) is None
+        after.append(len(searched))
+    assert made.problem == "the colors that were learned speak against all poses that hold"
+    assert refused == [HERE, TURNED] * len(searched)
+    assert [after.index(n) for n in range(1, 5)] == [0, 3, 8, 17]  # pauses of 2, 4, 8 and then 16 image sets
+    made.stop()
+    assert made.find([], NO_IMAGES, None, lambda state: False) is None and len(searched) == after[-1] + 1
 
 
 def test_likely_lost_limbs_count_less():

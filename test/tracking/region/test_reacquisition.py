@@ -56,6 +56,14 @@ def test_a_lost_body_is_found_where_it_was_last_tracked(tracked):
     assert np.linalg.norm(alone.state.T_world_root[:3, 3] - TRUE.T_world_root[:3, 3]) > 0.3  # by lines alone it is not
 
 
+def test_what_was_learned_while_a_body_was_tracked_speaks_for_where_it_is(tracked):
+    made, images = tracked
+    here, there = (made.support(images, standing(SCENE.model, x, y, 0.4)) for x, y in ((0.05, -0.05), (0.8, 0.6)))
+    assert here > 0.0 and here > 2.0 * there
+    made.reset()
+    assert made.support(images, TRUE) is None
+
+
 def test_a_body_in_its_place_is_fitted_without_a_search(tracked):
     made, images = tracked
     made.observe(images, TRUE)
