@@ -50,6 +50,16 @@ def test_interpolation_is_exact_on_planes_and_ends_at_the_border():
         assert not kernel.bilinear(plane, *outside)[0]
 
 
+def test_samples_read_the_silhouette_on_the_outline_and_edges_within_which_have_no_side():
+    v, u = np.mgrid[0:20, 0:30].astype(np.float32)
+    samples = np.array([[10.0, 5.0, 1.0, 0.0], [10.0, 5.0, -1.0, 0.0], [10.0, 5.0, 0.0, -1.0], [40.0, 5.0, 1.0, 0.0]])
+    options = ContourOptions(inner_weight=0.3, alignment=0.6).packed()
+    outline = kernel.read_samples(u - 8.0, v - 2.0, samples, np.ones(4, dtype=bool), options)
+    assert outline[:, 0].tolist() == [1, 0, 0, 0] and outline[0, 1:].tolist() == [2.0, 1.0, 0.0, 1.0]
+    within = kernel.read_samples(u - 8.0, v - 2.0, samples, np.zeros(4, dtype=bool), options)
+    assert within[:, 0].tolist() == [0, 0, 1, 0] and within[2, 1:].tolist() == [3.0, 0.0, 1.0, 0.3]
+
+
 def outline_of(state: State, model, camera) -> np.ndarray:
     """(n, N_SAMPLE_COLUMNS): the outline's samples that ``camera`` sees, as the kernel notes them."""
     body, options = ContourBody.of(model, [camera]), ContourOptions(samples_per_line=12, alignment=0.6)

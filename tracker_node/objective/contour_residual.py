@@ -97,6 +97,30 @@ def _read_maps(silhouette, edges, u, v, nu, nv, outer, options):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def read_samples(silhouette, edges, samples, outer, options):
+    """Residuals of samples, as in `linearize_camera`.
+
+    Parameters
+    ----------
+    silhouette, edges : distances (h, w).
+    samples : (n, 4) u, v in their pixels, and the normal nu, nv.
+    outer : (n,) mask, of the body's outline.
+    options : (`N_OPTIONS`,).
+
+    Returns
+    -------
+    (n, 5) 1 where there is one, else 0; residual; its derivatives by u and v; weight.
+    """
+    found = np.empty((len(samples), 5))
+    for j in range(len(samples)):
+        u, v, nu, nv = samples[j]
+        found[j, 0], found[j, 1], found[j, 2], found[j, 3], found[j, 4] = _read_maps(
+            silhouette, edges, u, v, nu, nv, outer[j], options
+        )
+    return found
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _twist_row(row, R, center, jacobian, gu, gv, sliding, g):
     """Fill ``g`` (6,) with the derivative by the twist of gu * u + gv * v of a contour sample."""
     hx = gu * jacobian[0] + gv * jacobian[3]

@@ -1,11 +1,9 @@
-"""Reading images between pixels, and lines of several cameras as one."""
+"""Lines of several cameras as one."""
 
 import numpy as np
 
-from tracker_node.calibration.tracked_body.lines import bilinear, joined
+from tracker_node.calibration.tracked_body.lines import joined
 from tracker_node.objective.shape_jacobian import ContourLines
-
-IMAGE = np.array([[0.0, 10.0, 20.0], [40.0, 70.0, 100.0]])
 
 
 def lines(camera, *shapes):
@@ -14,17 +12,6 @@ def lines(camera, *shapes):
     return ContourLines(
         np.full(n, camera), np.array(shapes), np.ones((n, 3)), ones, ones, np.arange(float(n)), np.full(n, camera + 1.0)
     )
-
-
-def test_between_four_pixels_values_and_slopes_are_of_all_of_them():
-    values, slopes, inside = bilinear(IMAGE, np.array([[0.0, 0.0], [1.25, 0.5], [0.5, 0.75]]))
-    assert np.allclose(values, [0.0, 45.0, 42.5]) and inside.all()
-    assert np.allclose(slopes, [[10.0, 40.0], [20.0, 65.0], [25.0, 50.0]])
-
-
-def test_beyond_the_middles_of_the_outermost_pixels_nothing_is_known():
-    at = np.array([[-0.01, 0.5], [0.5, -0.01], [1.99, 0.99], [2.0, 0.5], [0.5, 1.0]])
-    assert bilinear(IMAGE, at)[2].tolist() == [False, False, True, False, False]
 
 
 def test_lines_of_all_cameras_are_in_the_order_of_their_shapes():

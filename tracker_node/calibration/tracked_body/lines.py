@@ -11,6 +11,8 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...objective.chamfer.correspondences import ContourOptions
+from ...objective.contour_residual import read_samples
 from ...objective.lines import table
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer
 from ...objective.per_camera import samples_seen, serial
@@ -148,25 +150,18 @@ class SilhouetteEvidence(LineEvidence):
         return joined(drawn)
 
     def _read(self, camera: int, samples: VisibleSamples, seen: Observation) -> ContourLines:
-        chamfer = self._config.chamfer
-        at, outer = samples.pixels[:, :2] - seen.region[:2], samples.info[:, cs.CLASS] == cs.OUTER
-        value, slope = np.zeros(len(at)), np.zeros((len(at), 2))
-        ok = np.zeros(len(at), dtype=bool)
-        for rows, distances in ((outer, seen.silhouette_distance), (~outer, seen.edge_distance)):
-            value[rows], slope[rows], ok[rows] = bilinear(distances, at[rows])
-        steepness = np.linalg.norm(slope, axis=1)
-        ok &= steepness > 0.2  # else beyond the truncation, or on a ridge between two boundaries
-        normals = slope / np.maximum(steepness, 1e-9)[:, None]
-        along = np.sum(normals * samples.pixels[:, cs.NU : cs.NV + 1], axis=1)
-        flip = ~outer & (along < 0.0)
-        normals[flip], value[flip], along[flip] = -normals[flip], -value[flip], -along[flip]
-        ok &= along > chamfer.min_alignment
-        variance = np.full(len(at), chamfer.residual_sigma_px**2)
-        variance[~outer] /= max(chamfer.inner_weight, 1e-6)
-        keep = np.flatnonzero(ok & (outer | (chamfer.inner_weight > 0.0)))
+        outer, at = samples.info[:, cs.CLASS] == cs.OUTER, samples.pixels[:, [cs.U, cs.V, cs.NU, cs.NV]]
+        at[:, :2] -= seen.region[:2]
+        options = ContourOptions(inner_weight=self._config.chamfer.inner_weight, alignment=self._config.chamfer.min_alignment)
+        read = read_samples(seen.silhouette_distance, seen.edge_distance, at, outer, options.packed())
+        keep = np.flatnonzero(read[:, 0])
+        offsets, slopes, weights = read[keep, 1], read[keep, 2:4], read[keep, 4]
+        normals = slopes / np.linalg.norm(slopes, axis=1)[:, None]
+        signs = np.where(np.sum(normals * at[keep, 2:], axis=1) < 0.0, -1.0, 1.0)  # edges have no side
         return ContourLines(
             np.full(len(keep), camera), samples.info[keep, cs.SHAPE].astype(np.int64), samples.points[keep],
-            samples.pixels[keep, :2], normals[keep], -value[keep], variance[keep],
+            samples.pixels[keep, :2], signs[:, None] * normals, -signs * offsets,
+            self._config.chamfer.residual_sigma_px**2 / weights,
         )  # fmt: skip
 
 
@@ -180,30 +175,6 @@ def joined(lines: Sequence[ContourLines]) -> ContourLines:
     return ContourLines(
         *(np.concatenate([getattr(x, name) for x in lines]) for name in ContourLines.__dataclass_fields__)
     ).sorted()
-
-
-def bilinear(image: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Bilinear interpolation of an image, and its slope.
-
-    Parameters
-    ----------
-    image : (h, w).
-    at : (n, 2) pixels.
-
-    Returns
-    -------
-    Values (n,).
-    Slopes (n, 2) along u and v.
-    Inside (n,): which pixels lie within the image.
-    """
-    corner = np.floor(at).astype(np.int64)
-    inside = np.all(corner >= 0, axis=1) & (corner[:, 0] + 1 < image.shape[1]) & (corner[:, 1] + 1 < image.shape[0])
-    j, i = np.where(inside[:, None], corner, 0).T
-    a, b = np.where(inside[:, None], at - corner, 0.0).T
-    f00, f01, f10, f11 = (image[i + di, j + dj].astype(np.float64) for di in (0, 1) for dj in (0, 1))
-    top, bottom = f00 + a * (f01 - f00), f10 + a * (f11 - f10)
-    slopes = np.column_stack([(1.0 - b) * (f01 - f00) + b * (f11 - f10), bottom - top])
-    return top + b * (bottom - top), slopes, inside
 
 
 class RegionEvidence(LineEvidence):
