@@ -46,6 +46,19 @@ class Fits(Protocol):
         """
         ...
 
+    def refit(self, start: State, prior: Prior | None) -> Fit:
+        """A fit of a set that is not the newest any more: searches are for that.
+
+        Parameters
+        ----------
+        start, prior : as of `fit`.
+
+        Returns
+        -------
+        The fit.
+        """
+        return self.fit(start, False, prior)
+
 
 class Assesses(Protocol):
     """Says whether a fit is the body, and how exactly."""
@@ -110,19 +123,6 @@ class Solver(Fits, Protocol):
     def restart(self) -> bool:
         """A state is handed over; whether it is to be taken as it is, with what has been learned."""
         return False
-
-    def refit(self, start: State, prior: Prior | None) -> Fit:
-        """A fit of a set that is not the newest any more: searches are for that.
-
-        Parameters
-        ----------
-        start, prior : as of `fit`.
-
-        Returns
-        -------
-        The fit.
-        """
-        return self.fit(start, False, prior)
 
     def support(self, state: State) -> float | None:
         """Log-likelihood that the present images gain by a body in ``state``; None before one was tracked."""
@@ -237,10 +237,6 @@ class AnyEngine(Fits, Assesses, Finds, Protocol):
         return None
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit: ...
-
-    def refit(self, start: State, prior: Prior | None) -> Fit:
-        """See `Solver.refit`."""
-        return self.fit(start, False, prior)
 
     def learn(self, images: Images, state: State) -> None:
         """Learn what the body and its surroundings look like now.
