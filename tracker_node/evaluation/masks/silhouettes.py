@@ -204,8 +204,7 @@ def _bag_images(task: _Task, camera: Camera, wanted: set[int], bag: Path) -> Ite
             offset = (image.stamp_ns - int(task.run.stamps_ns[0])) / task.period_ns
             number = round(offset) + task.options.first_image
             if number in wanted and abs(offset - round(offset)) < SAME_TIME_STEP:
-                same = (image.bgr.shape[1], image.bgr.shape[0]) == size
-                yield number, image.bgr if same else cv2.resize(image.bgr, size, interpolation=cv2.INTER_AREA)
+                yield number, cv2.resize(image.bgr, size, interpolation=cv2.INTER_AREA)
 
 
 def _still(camera: Camera, masks: CameraMasks) -> np.ndarray | None:
@@ -220,10 +219,7 @@ def _still(camera: Camera, masks: CameraMasks) -> np.ndarray | None:
 
 def _fitted(mask: np.ndarray, camera: Camera) -> np.ndarray:
     """The mask in the pixels of the camera."""
-    size = (camera.model.width, camera.model.height)
-    if (mask.shape[1], mask.shape[0]) == size:
-        return mask
-    return cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
+    return cv2.resize(mask, (camera.model.width, camera.model.height), interpolation=cv2.INTER_NEAREST)
 
 
 def contact_sheet(pictures: Sequence[Picture]) -> list[list[Picture]]:

@@ -303,9 +303,5 @@ def resized_backgrounds(backgrounds: dict[str, np.ndarray], rig: CameraRig) -> d
     -------
     Camera -> BGR image in the size of its lens.
     """
-    result = {}
-    for name, image in backgrounds.items():
-        size = (rig[name].model.width, rig[name].model.height)
-        same = image.shape[1::-1] == size
-        result[name] = image if same else cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    return result
+    sizes = {name: (rig[name].model.width, rig[name].model.height) for name in backgrounds}
+    return {name: cv2.resize(image, sizes[name], interpolation=cv2.INTER_AREA) for name, image in backgrounds.items()}

@@ -103,9 +103,8 @@ class PoseBench:
 
     def _shrunk(self, image: CameraImage) -> CameraImage:
         lens = self.rig[image.camera].model
-        same = image.pixels.shape[1::-1] == (lens.width, lens.height)
-        pixels = image.bgr if same else cv2.resize(image.bgr, (lens.width, lens.height), interpolation=cv2.INTER_AREA)
-        return CameraImage(image.camera, image.stamp_ns, np.ascontiguousarray(pixels))
+        pixels = cv2.resize(image.bgr, (lens.width, lens.height), interpolation=cv2.INTER_AREA)
+        return CameraImage(image.camera, image.stamp_ns, pixels)
 
 
 _LEAST_OUTLINE = 10  # samples of the outline of which a camera says something
