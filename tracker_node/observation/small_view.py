@@ -27,10 +27,9 @@ class SmallView:
         small = lens.resized(*size)
         self._size, self._map = size, None
         if lens.distortion_model in _STRAIGHT:
-            straight = CameraModel(*size, small.K)
             if lens.distortion_model != "none":
-                self._map = _pull_through(straight, small)
-            small = straight
+                self._map = straight_maps(small, small.K)
+            small = CameraModel(*size, small.K)
         self.camera = replace(camera, model=small)
 
     def shrink(self, image: np.ndarray) -> np.ndarray:
@@ -41,10 +40,19 @@ class SmallView:
         return np.ascontiguousarray(small)
 
 
-def _pull_through(straight: CameraModel, bent: CameraModel) -> tuple[np.ndarray, np.ndarray]:
-    """Where in ``bent`` each pixel of ``straight`` is, (h, w) float32 each."""
-    u, v = np.meshgrid(np.arange(straight.width, dtype=np.float64), np.arange(straight.height, dtype=np.float64))
-    rays, _ = straight.rays(np.stack([u, v], axis=-1))
-    pixels, valid = bent.project(rays)
-    pixels[~valid] = -1.0
+def straight_maps(lens: CameraModel, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Maps for ``cv2.remap`` from an image without distortion to the distorted one.
+
+    Parameters
+    ----------
+    lens : of the distorted image.
+    K : (3, 3) of the pinhole camera without distortion, of the same size.
+
+    Returns
+    -------
+    (h, w) float32 columns and rows, far outside where the lens sees nothing.
+    """
+    u, v = np.meshgrid(np.arange(lens.width, dtype=float), np.arange(lens.height, dtype=float))
+    pixels, seen = lens.project(np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(K).T)
+    pixels[~seen] = -1e4
     return pixels[..., 0].astype(np.float32), pixels[..., 1].astype(np.float32)

@@ -9,8 +9,9 @@ rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
 from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
 
 from tracker_node.camera.model import CameraModel  # noqa: E402
+from tracker_node.observation.small_view import straight_maps  # noqa: E402
 from tracker_node.ros.conversions import camera_image_of, camera_info_message, image_message  # noqa: E402
-from tracker_node.ros.ingest.rectify_node import RectifyNode, rectification_maps  # noqa: E402
+from tracker_node.ros.ingest.rectify_node import RectifyNode  # noqa: E402
 from tracker_node.ros.qos import RESULT, images_published  # noqa: E402
 
 K = np.array([[300.0, 0.0, 161.0], [0.0, 305.0, 118.0], [0.0, 0.0, 1.0]])
@@ -35,7 +36,7 @@ def undistorted(lens, image):
 @pytest.mark.parametrize("kind", LENSES)
 def test_maps_undistort_as_opencv_does(kind):
     lens = LENSES[kind]
-    straight = cv2.remap(picture(), *rectification_maps(lens, lens.K), cv2.INTER_LINEAR)
+    straight = cv2.remap(picture(), *straight_maps(lens, lens.K), cv2.INTER_LINEAR)
     difference = np.abs(straight.astype(int) - undistorted(lens, picture()))[20:-20, 20:-20]
     assert difference.mean() < 0.5 and np.percentile(difference, 99) < 6
 

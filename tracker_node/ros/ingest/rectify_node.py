@@ -14,6 +14,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from ...camera.model import CameraModel
 from ...errors import TrackerError
+from ...observation.small_view import straight_maps
 from ...runs.messages import lens_of
 from ..conversions import camera_image_of, image_message, stamp_ns_of
 from ..guarded_node import GuardedNode
@@ -50,7 +51,7 @@ class _Rectifier:
             self._node.get_logger().error(str(error))
             return
         self._size = (model.width, model.height)
-        self._maps = rectification_maps(model, _projection_of(info, model))
+        self._maps = cv2.convertMaps(*straight_maps(model, _projection_of(info, model)), cv2.CV_16SC2)
 
     def _on_image(self, message: Image) -> None:
         if self._maps is None or not self._publisher.get_subscription_count():
@@ -67,25 +68,6 @@ class _Rectifier:
         straight = cv2.remap(image.pixels, *self._maps, cv2.INTER_LINEAR)
         stamp_ns = stamp_ns_of(message.header.stamp)
         self._publisher.publish(image_message(stamp_ns, message.header.frame_id, straight, image.encoding))
-
-
-def rectification_maps(model: CameraModel, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Maps for ``cv2.remap`` from an image without distortion to the distorted one.
-
-    Parameters
-    ----------
-    model : lens of the distorted image.
-    K : (3, 3) of the pinhole camera without distortion, of the same size.
-
-    Returns
-    -------
-    map_1, map_2 : fixed-point maps of OpenCV, (h, w, 2) int16 and (h, w) uint16.
-    """
-    u, v = np.meshgrid(np.arange(model.width, dtype=float), np.arange(model.height, dtype=float))
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(K).T
-    pixels, seen = model.project(rays)
-    pixels[~seen] = -1e4  # black
-    return cv2.convertMaps(pixels[..., 0].astype(np.float32), pixels[..., 1].astype(np.float32), cv2.CV_16SC2)
 
 
 def _projection_of(info: CameraInfo, model: CameraModel) -> np.ndarray:
