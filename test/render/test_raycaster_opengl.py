@@ -1,5 +1,7 @@
 """The ray-caster against OpenGL, which knows nothing of closed forms: triangles, rasterized by another program."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.render.opengl.renderer import RendererError
 from tracker_node.render.raycast.raycaster import render_view
-from tracker_node.synthesis.scenes.rasterizer import Pinhole, Rasterizer
+from tracker_node.synthesis.scenes.rasterizer import Rasterizer
 from tracker_node.synthesis.subjects.cones import ModelSubject
 
 LENS = CameraModel(640, 480, np.array([[610.0, 0.0, 322.4], [0.0, 605.0, 236.8], [0.0, 0.0, 1.0]]))
@@ -40,7 +42,7 @@ def test_masks_and_depths_agree(rasterizer, make, eye):
     rasterizer.show(ModelSubject(configuration.model).mesh(configuration))
     # OpenGL samples pixels off their centers: thrice as large, the middle pixel of each nine is a ray's
     large = LENS.resized(3 * LENS.width, 3 * LENS.height)
-    color, depth = rasterizer.render(Pinhole(large.K, large.width, large.height, camera.T_world_cam))
+    color, depth = rasterizer.render(replace(camera, model=large))
     drawn, depth = color[1::3, 1::3, 3] > 127, depth[1::3, 1::3]
     view = render_view(configuration, camera)
     cast = view.labels > 0

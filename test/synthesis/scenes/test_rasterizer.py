@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.synthesis.scenes.rasterizer import (
-    KEY_DIRECTION,
-    LIGHTS,
-    Pinhole,
-    _looking_along,
-    light_coordinates,
-    vertex_normals,
-)
+from tracker_node.synthesis.scenes.rasterizer import KEY_DIRECTION, LIGHTS, _looking_along, light_coordinates, vertex_normals
 
 
 def test_the_key_light_is_the_first():
@@ -45,18 +38,6 @@ def test_normals_are_averaged_by_area():
     np.testing.assert_allclose(normals[3], [0.0, 1.0, 0.0])
     np.testing.assert_allclose(normals[:2], np.tile(np.array([0.0, 2.0, 1.0]) / 5**0.5, (2, 1)))
     np.testing.assert_array_equal(normals[4], 0.0)  # of no face
-
-
-def test_a_cropped_camera_sees_its_window():
-    K = np.array([[100.0, 0.0, 50.0], [0.0, 120.0, 40.0], [0.0, 0.0, 1.0]])
-    T = np.eye(4)
-    T[:3, 3] = [0.1, 0.2, -2.0]
-    camera = Pinhole(K, 100, 80, T)
-    point = np.array([[0.3, 0.1, 0.0]])
-    np.testing.assert_allclose(camera.project(point), [[60.0, 34.0]])
-    window = camera.cropped(20, 10, 64, 32)
-    np.testing.assert_allclose(window.project(point), [[40.0, 24.0]])
-    assert (window.width, window.height) == (64, 32) and K[0, 2] == 50.0
 
 
 def test_places_in_the_image_of_the_key_light():

@@ -36,7 +36,7 @@ def test_spheres_are_seen_where_the_cameras_project_them(distortion):
             for point in POINTS:
                 rasterizer.show(sphere(point))
                 color, _, window = rasterizer.render_region(imaging.pinhole, point + 0.03 * np.vstack([np.eye(3), -np.eye(3)]))
-                view = np.zeros((imaging.pinhole.height, imaging.pinhole.width, 3), np.float32)
+                view = np.zeros((imaging.pinhole.model.height, imaging.pinhole.model.width, 3), np.float32)
                 view[window] = color[:, :, 3:]  # coverage, so that shading does not pull the centroid
                 seen = centroid(imaging.expose(view, rng)[:, :, 0].astype(float))
                 expected, valid = camera.project(point)

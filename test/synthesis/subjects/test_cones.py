@@ -26,7 +26,7 @@ def test_two_independent_renderers_agree_on_the_outline(model):
         for camera in make_rig(config):
             imaging = CameraImaging(camera, config)
             color, _, window = rasterizer.render_region(imaging.pinhole, mesh.vertices)
-            view = np.zeros((imaging.pinhole.height, imaging.pinhole.width, 3), np.float32)
+            view = np.zeros((imaging.pinhole.model.height, imaging.pinhole.model.width, 3), np.float32)
             view[window] = color[:, :, 3:]
             coverage = imaging.expose(view, np.random.default_rng(0))[:, :, 0] / 255.0
             cast = render_mask(configuration, camera) > 0

@@ -6,11 +6,12 @@ added), and its cameras look along -z with y up. Those of its platforms: `render
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
+from ...camera.rig import Camera
 from ...render.opengl.renderer import OpenGLContext
 
 AMBIENT = 0.32
@@ -43,39 +44,6 @@ class TexturedMesh:
     faces: np.ndarray
     uv: np.ndarray
     texture: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Pinhole:
-    """A camera without distortion: ``K`` (3, 3) for pixel centers, image size, ``T_world_cam`` in optical axes."""
-
-    K: np.ndarray
-    width: int
-    height: int
-    T_world_cam: np.ndarray
-
-    def cropped(self, u0: int, v0: int, width: int, height: int) -> Pinhole:
-        """The same camera, with a window of its image.
-
-        Parameters
-        ----------
-        u0, v0 : upper left pixel of the window.
-        width, height : of the window.
-
-        Returns
-        -------
-        The cropped camera.
-        """
-        K = self.K.copy()
-        K[0, 2] -= u0
-        K[1, 2] -= v0
-        return Pinhole(K, width, height, self.T_world_cam)
-
-    def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (n, 2) of world points (n, 3) that lie in front of the camera."""
-        local = (points - self.T_world_cam[:3, 3]) @ self.T_world_cam[:3, :3]
-        uvw = local @ self.K.T
-        return uvw[:, :2] / uvw[:, 2:]
 
 
 class Rasterizer:
@@ -126,21 +94,21 @@ class Rasterizer:
         )  # fmt: skip
         return pyrender.Mesh([primitive])
 
-    def render(self, camera: Pinhole) -> tuple[np.ndarray, np.ndarray]:
+    def render(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """Premultiplied RGBA (h, w, 4) uint8 with anti-aliased edges, and depth (h, w) float32 (meters along z, 0: nothing)."""
-        K = camera.K
+        K = camera.model.K
         self._camera.camera = self._pyrender.IntrinsicsCamera(
             K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, znear=_NEAR, zfar=_FAR
         )
         self._scene.set_pose(self._camera, camera.T_world_cam @ _OPTICAL_FROM_GL)
-        return self._draw(camera.width, camera.height)
+        return self._draw(camera.model.width, camera.model.height)
 
-    def render_region(self, camera: Pinhole, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[slice, slice]]:
+    def render_region(self, camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[slice, slice]]:
         """As `render`, but only the window around some points.
 
         Parameters
         ----------
-        camera : the camera.
+        camera : without distortion.
         points : (n, 3) world, in front of it.
 
         Returns
@@ -149,17 +117,18 @@ class Rasterizer:
         Depth (h, w) float32, meters, 0 where there is nothing.
         (rows, columns) of the window in the image.
         """
-        pixels = camera.project(points)
+        pixels, _ = camera.project(points)
         low = np.floor(pixels.min(axis=0)).astype(int) - 2
         high = np.ceil(pixels.max(axis=0)).astype(int) + 3
-        size = (camera.width, camera.height)
+        size = (camera.model.width, camera.model.height)
         window = []
         for axis in range(2):
             length = min(-(-(high[axis] - low[axis]) // _CROP_STEP) * _CROP_STEP, size[axis])
             start = int(np.clip(low[axis], 0, size[axis] - length))
             window.append((start, int(length)))
         (u0, width), (v0, height) = window
-        color, depth = self.render(camera.cropped(u0, v0, width, height))
+        cropped = camera.model.mapped(np.array([[1.0, 0.0, -u0], [0.0, 1.0, -v0]]), width, height)
+        color, depth = self.render(replace(camera, model=cropped))
         return color, depth, (slice(v0, v0 + height), slice(u0, u0 + width))
 
     def render_from_light(self, center: np.ndarray, half_size: float, n_pixels: int) -> np.ndarray:

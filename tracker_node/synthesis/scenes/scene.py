@@ -5,7 +5,7 @@ A room in which everything is patterned and strongly colored, so that no color i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import cv2
@@ -16,7 +16,7 @@ from ...camera.rig import Camera, CameraRig
 from ...errors import UnknownNameError
 from ...geometry import se3
 from . import room
-from .rasterizer import ColoredMesh, Pinhole, Rasterizer, TexturedMesh, light_coordinates
+from .rasterizer import ColoredMesh, Rasterizer, TexturedMesh, light_coordinates
 from .room import HALF_SIZE, HEIGHT, quad
 
 _TEXELS_PER_M = 90.0
@@ -189,7 +189,7 @@ class CameraImaging:
         low = np.floor(straight.reshape(-1, 2).min(axis=0)) - 3.0
         size = np.ceil(straight.reshape(-1, 2).max(axis=0)) + 4.0 - low
         K[:2, 2] -= low
-        self.pinhole = Pinhole(K, int(size[0]), int(size[1]), camera.T_world_cam)
+        self.pinhole = Camera(camera.name, CameraModel(int(size[0]), int(size[1]), K), camera.T_world_cam)
         self._map_u = np.ascontiguousarray(straight[..., 0] - low[0], dtype=np.float32)
         self._map_v = np.ascontiguousarray(straight[..., 1] - low[1], dtype=np.float32)
         self._straight = lens.distortion_model == "none"
@@ -241,18 +241,15 @@ class Studio:
     def __exit__(self, *_) -> None:
         self._rasterizer.close()
 
-    def _background(self, camera: Pinhole) -> tuple[np.ndarray, np.ndarray]:
+    def _background(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """Empty room: float32 RGB of the view, and the world points (h, w, 3) seen in it."""
-        s = _BACKGROUND_SUPERSAMPLING
-        K = camera.K.copy()
-        K[:2] *= s
-        K[:2, 2] += 0.5 * (s - 1)
-        color, depth = self._rasterizer.render(Pinhole(K, camera.width * s, camera.height * s, camera.T_world_cam))
-        size = (camera.width, camera.height)
+        K, size = camera.model.K, (camera.model.width, camera.model.height)
+        large = camera.model.resized(*(_BACKGROUND_SUPERSAMPLING * length for length in size))
+        color, depth = self._rasterizer.render(replace(camera, model=large))
         background = cv2.resize(color[:, :, :3], size, interpolation=cv2.INTER_AREA).astype(np.float32)
         depth = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST)
-        u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-        rays = np.stack([(u - camera.K[0, 2]) / camera.K[0, 0], (v - camera.K[1, 2]) / camera.K[1, 1], np.ones_like(u)], -1)
+        u, v = np.meshgrid(*map(np.arange, size))
+        rays = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u)], -1)
         return background, se3.apply(camera.T_world_cam, rays * depth[:, :, None])
 
     def empty_image(self, index: int, image_number: int) -> np.ndarray:
