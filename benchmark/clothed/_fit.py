@@ -4,8 +4,8 @@
 
 prints the rows of `tracker_node.model.humans.keypoints.BLAZEPOSE` and of `tracker_node.model.humans.surfaces`, means and
 standard deviations over the clips and both sides, of a body of the default size; how a skeleton's bones are guessed
-(`GUESSED_BONES`); and the spread of heat maps beside that of errors, which `observation.keypoints.blazepose` is calibrated by.
-Clips that anything is judged on have no part in it.
+(`GUESSED_BONES`), and knees marked by the proportions of legs; and the spread of heat maps beside that of errors, which
+`observation.keypoints.blazepose` is calibrated by. Clips that anything is judged on have no part in it.
 
     python -m benchmark.clothed._fit --lengths LENGTHS.csv
 
@@ -28,7 +28,7 @@ from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoints import BLAZEPOSE, GUESSED_BONES, relative_size
+from tracker_node.model.humans.keypoints import BLAZEPOSE, GUESSED_BONES, leg_ratio, relative_size
 from tracker_node.objective.lines.surfaces import N_UNKNOWNS, Surfaces
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.keypoints.modality import DepthGuesses, points_of
@@ -206,7 +206,7 @@ def main() -> None:
         return
     if not args.clips:
         parser.error("expected folders of clips, or --lengths")
-    people, offsets, errors, surfaces, guesses = KeptPeople(pose_weights(), args.cache), [], [], [], []
+    people, offsets, errors, surfaces, guesses, ratios = KeptPeople(pose_weights(), args.cache), [], [], [], [], []
     for folder in args.clips:
         clip = load_clip(folder)
         points, found = PointOffsetFit(clip), [np.zeros((len(clip.model.shapes), N_UNKNOWNS))]
@@ -216,6 +216,7 @@ def main() -> None:
             found.append(surfaces_at(state, tracker, np.median(found[1:] or found, axis=0)))
         own, own_errors = points.fitted()
         offsets.append(own)
+        ratios.append(leg_ratio(clip.model))
         errors.append(own_errors)
         surfaces.append(np.median(found[1:], axis=0) / relative_size(clip.model))
         print(f"{folder.name}: {len(own_errors)} points", flush=True)
@@ -231,6 +232,10 @@ def main() -> None:
     for name, (told, true) in zip(names, np.moveaxis(guesses, 0, 2), strict=True):
         share = float(told @ true / (true @ true))
         print(f"{name:15} {share:.2f} {np.std(told - share * true):.3f}")
+    knees = np.mean([[own[points.names.index(f"{side}_knee"), 2] for own in offsets] for side in ("left", "right")], axis=0)
+    by_leg, at_default = np.polyfit(ratios, knees, 1) if len(ratios) > 1 else (0.0, knees.mean())
+    spread = np.std(knees - by_leg * np.array(ratios))
+    print(f"\nknees along the leg: {at_default:.3f} + {by_leg:.3f} ratio of thigh and shank (logarithm), beside it {spread:.3f}")
     together = np.concatenate(errors)
     print("\nstated spread, robust spread of errors, both in thousandths of the person's size")
     for part in np.array_split(together[np.argsort(together[:, 2])], 8):

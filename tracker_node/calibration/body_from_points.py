@@ -17,7 +17,7 @@ from ..errors import TrackerError
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
+from ..model.humans.keypoints import BLAZEPOSE, KeypointTable, LandmarkPoint, expected_offsets
 from ..model.proportions import expected_lengths
 from ..model.shape_parameters import ShapeSpace
 from ..objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, U, V
@@ -33,6 +33,7 @@ from .levenberg_marquardt import descend
 
 _LENGTHS = ("size", "length", "breadth")
 _ITERATIONS, _TOLERANCE = 30, 1e-4
+_STEP = 1e-3  # of derivatives by differences
 _NOTHING = 1e-9  # information of what no image tells and nothing expects, so that equations can be solved
 
 
@@ -130,8 +131,19 @@ class _Problem:
         self.expected, self._information = expected_lengths(self.space)
         self.names, body = points_of(model, table, config.keypoints.offset_scale)
         self._landmarks = [model.landmark_index(table[name].landmark) for name in self.names]
-        self._links, self._means, self._priors = body.links, body.means, body.priors
+        self._links, self._priors = body.links, body.priors
+        self._means, self._means_D_s = self._expected_offsets([table[name] for name in self.names])
         self._rest = resting(model, config.motion)
+
+    def _expected_offsets(self, points: Sequence[LandmarkPoint]) -> tuple[np.ndarray, np.ndarray]:
+        """Means (n_points, 3) of the offsets of the body that is expected, meters, and their derivative by the shape."""
+        steps = _STEP * np.eye(len(self.space))
+        ahead, back = (
+            np.array([expected_offsets(self.space.body(self.expected + sign * step), points) for step in steps])
+            for sign in (1.0, -1.0)
+        )
+        means = expected_offsets(self.space.body(self.expected), points)
+        return means, np.moveaxis(ahead - back, 0, 2) / (2.0 * _STEP)
 
     def fitted(self, start: _Unknowns) -> _Unknowns:
         """Downhill from ``start``."""
@@ -146,16 +158,17 @@ class _Problem:
         """See `BodyFromPoints`."""
         model, distances = self.space.body(found.s), []
         for state, observed in zip(found.states, self._observed, strict=True):
-            places = self._places(Configuration(model, state), found.offsets)
+            places = self._places(Configuration(model, state), found)
             for camera, seen in zip(self._rig, observed.swapaxes(0, 1), strict=True):
                 errors, inlier = _compared(seen, camera.project(places))[:2]
                 distances += np.linalg.norm(errors[inlier > 0.5], axis=1).tolist()
         return float(np.median(distances)) if distances else float("nan")
 
-    def _places(self, configuration: Configuration, offsets: np.ndarray) -> np.ndarray:
+    def _places(self, configuration: Configuration, found: _Unknowns) -> np.ndarray:
         """(n_points, 3) meters, world."""
         R = configuration.Ts_world_link[self._links, :3, :3]
-        return configuration.landmarks_world[self._landmarks] + np.einsum("nij,nj->ni", R, self._means + offsets)
+        offsets = self._means + self._means_D_s @ (found.s - self.expected) + found.offsets
+        return configuration.landmarks_world[self._landmarks] + np.einsum("nij,nj->ni", R, offsets)
 
     def cost(self, found: _Unknowns) -> float:
         """Minus twice the logarithm of how likely the points and these unknowns are."""
@@ -163,7 +176,7 @@ class _Problem:
         total = float(off @ self._information @ off + np.einsum("ni,nij,nj->", found.offsets, self._priors, found.offsets))
         n = model.n_dof
         for state, observed in zip(found.states, self._observed, strict=True):
-            places = self._places(Configuration(model, state), found.offsets)
+            places = self._places(Configuration(model, state), found)
             for camera, seen in zip(self._rig, observed.swapaxes(0, 1), strict=True):
                 total += _compared(seen, camera.project(places))[2]
             total += self._rest.add_to(np.zeros((n, n)), np.zeros(n), state)
@@ -182,19 +195,19 @@ class _Problem:
             H[own, own], g[own] = prior, prior @ offset
         for t, (state, observed) in enumerate(zip(found.states, self._observed, strict=True)):
             columns = np.r_[:n_shared, n_shared + n_dof * t : n_shared + n_dof * (t + 1)]
-            own_H, own_g = self._of_set(Configuration(model, state), found.offsets, observed)
+            own_H, own_g = self._of_set(Configuration(model, state), found, observed)
             self._rest.add_to(own_H[n_shared:, n_shared:], own_g[n_shared:], state)
             H[np.ix_(columns, columns)] += own_H
             g[columns] += own_g
         return H, g
 
-    def _of_set(self, configuration: Configuration, offsets: np.ndarray, observed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _of_set(self, configuration: Configuration, found: _Unknowns, observed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of one image set, of shape, offsets and its state."""
-        places, R = self._places(configuration, offsets), configuration.Ts_world_link[self._links, :3, :3]
-        by_offset = np.zeros((len(places), 3, offsets.size))
+        places, R = self._places(configuration, found), configuration.Ts_world_link[self._links, :3, :3]
+        by_offset = np.zeros((len(places), 3, found.offsets.size))
         for k in range(len(places)):
             by_offset[k, :, 3 * k : 3 * k + 3] = R[k]
-        by_shape = landmarks_D_shape(self.space, configuration)[self._landmarks]
+        by_shape = landmarks_D_shape(self.space, configuration)[self._landmarks] + R @ self._means_D_s
         J = np.concatenate([by_shape, by_offset, configuration.point_jacobian(places, self._links)], axis=2)
         n = J.shape[2]
         H, g = np.zeros((n, n)), np.zeros(n)

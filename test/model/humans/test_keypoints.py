@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from helpers.bodies.bodies import crane
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoints import BLAZEPOSE, relative_size
+from tracker_node.model.humans.keypoints import BLAZEPOSE, expected_offsets, relative_size
 from tracker_node.model.humans.measures import HumanMeasures, mirrored_name
 from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.observation.keypoints.blazepose import NAMES
 
 HUMAN = human_model()
@@ -51,3 +53,32 @@ def test_size_is_that_of_trunk_and_leg(share):
 def test_a_body_with_other_links_has_a_size_and_one_without_hips_that_of_the_default():
     assert relative_size(HUMAN) == pytest.approx(1.0) and 0.8 < relative_size(ellipsoid_human()) < 1.2
     assert relative_size(crane()) == 1.0
+
+
+def test_points_are_offset_on_average_as_the_table_says_of_a_body_of_the_default_size():
+    points = list(BLAZEPOSE.values())
+    np.testing.assert_allclose(expected_offsets(HUMAN, points), [point.offset for point in points], atol=1e-12)
+    large = human_model(HumanMeasures.of_stature(1.2 * HumanMeasures().stature))
+    np.testing.assert_allclose(expected_offsets(large, points), [1.2 * np.array(point.offset) for point in points], atol=1e-6)
+    np.testing.assert_array_equal(expected_offsets(crane(), points), [point.offset for point in points])
+
+
+@pytest.mark.parametrize("thigh", [-0.15, 0.15])
+def test_knees_are_marked_where_they_are_on_average_between_hip_and_ankle(thigh):
+    space = ShapeSpace(HUMAN, True, ("length",))
+    body = space.body(np.where(np.array(space.names) == "length thigh", thigh, 0.0))
+    default, other = marked_knee(HUMAN), marked_knee(body)
+    assert other == pytest.approx(default, abs=0.006)
+    assert abs(joint_knee(body) - joint_knee(HUMAN)) > 0.03
+
+
+def joint_knee(body: ArticulatedModel, offset: float = 0.0) -> float:
+    """How far down the leg the left knee is, or what is beside it along z, as a fraction."""
+    places = Configuration(body, State.neutral(body)).landmarks_world[:, 2]
+    hip, knee, ankle = (places[body.landmark_index(f"left_{joint}")] for joint in ("hip", "knee", "ankle"))
+    return float((hip - knee - offset) / (hip - ankle))
+
+
+def marked_knee(body: ArticulatedModel) -> float:
+    """The same of the detector's point."""
+    return joint_knee(body, float(expected_offsets(body, [BLAZEPOSE["left_knee"]])[0, 2]))

@@ -16,7 +16,14 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
-from ...model.humans.keypoints import GUESSED_BONES, GUESSED_SIZE, GUESSED_SIZE_SIGMA, KeypointTable, relative_size
+from ...model.humans.keypoints import (
+    GUESSED_BONES,
+    GUESSED_SIZE,
+    GUESSED_SIZE_SIGMA,
+    KeypointTable,
+    expected_offsets,
+    relative_size,
+)
 from ...objective.keypoints.correspondences import (
     BodyPoints,
     GuessedDepths,
@@ -48,7 +55,7 @@ def points_of(model: ArticulatedModel, table: KeypointTable, offset_scale: float
     names = tuple(name for name, point in table.items() if point.landmark in model.landmark_names)
     rows = [model.landmark_index(table[name].landmark) for name in names]
     size = relative_size(model)
-    means = size * np.array([table[name].offset for name in names], dtype=np.float64).reshape(-1, 3)
+    means = expected_offsets(model, [table[name] for name in names])
     sigmas = size * offset_scale * np.array([table[name].sigma for name in names], dtype=np.float64).reshape(-1, 3)
     covariances = sigmas[:, :, None] ** 2 * np.eye(3)
     return names, BodyPoints(model, model.landmark_links[rows], model.landmark_positions[rows], means, covariances)
