@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.doctor import report
@@ -16,6 +15,7 @@ from tracker_node.doctor.geometry import Diagnosis
 from tracker_node.doctor.motion import ImageMotion
 from tracker_node.doctor.recording import CameraRecording
 from tracker_node.doctor.setup import Finding, Setup
+from tracker_node.synthesis.scenes.scene import looking_at
 
 LENS = CameraModel(480, 240, np.array([[300.0, 0.0, 239.5], [0.0, 300.0, 119.5], [0.0, 0.0, 1.0]]))
 MIDDLE = np.array([0.0, 0.0, 1.0])
@@ -25,7 +25,7 @@ SECOND = Finding("unit", (), "Everything is in millimeters.")
 
 
 def camera(name, x, y):
-    return Camera(name, LENS, look_at(np.array([x, y, 1.0]), MIDDLE))
+    return Camera(name, LENS, looking_at(np.array([x, y, 1.0]), MIDDLE))
 
 
 A, B = camera("a", 0.0, -4.0), camera("b", 4.0, 0.0)
@@ -188,7 +188,7 @@ def test_a_line_of_sight_runs_from_a_fifth_of_the_way_to_five_times_beyond():
 
 
 def test_what_is_far_outside_or_behind_is_not_of_the_line():
-    near = replace(A, T_world_cam=look_at(np.array([0.0, -0.4, 1.0]), MIDDLE))
+    near = replace(A, T_world_cam=looking_at(np.array([0.0, -0.4, 1.0]), MIDDLE))
     line = report._line_of_sight(near, B, B.project(MIDDLE)[0], MIDDLE)
     assert 0 < len(line) < 200
     assert np.abs(line).max() < 4.0 * 480

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.doctor.motion import ImageMotion, agreement
 from tracker_node.doctor.setup import Setup
+from tracker_node.synthesis.scenes.scene import looking_at
 
 LENS = CameraModel(320, 240, np.array([[300.0, 0.0, 159.5], [0.0, 300.0, 119.5], [0.0, 0.0, 1.0]]))
 POINT = np.array([0.3, -0.2, 1.1])
@@ -15,7 +15,7 @@ N = 60
 
 
 def camera(name, x, y, z=1.0, target=(0.0, 0.0, 1.0)):
-    return Camera(name, LENS, look_at(np.array([x, y, z], dtype=float), np.array(target)))
+    return Camera(name, LENS, looking_at(np.array([x, y, z], dtype=float), np.array(target)))
 
 
 def motion(camera, places, valid=None):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from helpers.bodies.two_links import cameras, two_links
-from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
@@ -22,12 +21,13 @@ from tracker_node.experiments.plots import (
 )
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.render.renderer import ColoredView
+from tracker_node.synthesis.scenes.scene import looking_at
 
 LENS = CameraModel(60, 40, np.array([[60.0, 0.0, 29.5], [0.0, 60.0, 19.5], [0.0, 0.0, 1.0]]))
 
 
 def camera(name, *place, target=(0.0, 0.0, 1.0)):
-    return Camera(name, LENS, look_at(np.array(place, dtype=float), np.array(target)))
+    return Camera(name, LENS, looking_at(np.array(place, dtype=float), np.array(target)))
 
 
 def body_image(top, bottom, left, right, color=(10, 20, 30)):

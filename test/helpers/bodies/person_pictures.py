@@ -6,7 +6,6 @@ from functools import cache
 import cv2
 import numpy as np
 
-from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.experiments.target_images import TargetStudio
@@ -15,6 +14,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.synthesis.scenes.scene import looking_at
 from tracker_node.synthesis.subjects.cones import waves
 from tracker_node.tracking.config import TrackerConfig
 
@@ -53,7 +53,7 @@ def pictures(n_sets: int = 5) -> Pictures:
     cameras = []
     for i in range(4):
         angle = 0.5 * np.pi * i + 0.3
-        place = look_at(np.array([3.6 * np.cos(angle), 3.6 * np.sin(angle), 1.2 + 0.3 * i]), np.array([0.0, 0.0, 0.95]))
+        place = looking_at(np.array([3.6 * np.cos(angle), 3.6 * np.sin(angle), 1.2 + 0.3 * i]), np.array([0.0, 0.0, 0.95]))
         cameras.append(Camera(f"cam{i + 1:02d}", lens, place))
     rig, given = CameraRig(tuple(cameras)), human_model()
     space, rng = ShapeSpace(given, groups=GROUPS), np.random.default_rng(5)

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 
 from helpers.cameras.board_scenes import face_of
-from helpers.cameras.camera_rigs import look_at
 from tracker_node.calibration.board.board import Board
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
+from tracker_node.synthesis.scenes.scene import looking_at
 
 CARRIED, HELD, LYING = Board("charuco", 7, 5, 0.08), Board("chessboard", 9, 6, 0.03), Board("charuco", 4, 5, 0.054)
 WIDTH, HEIGHT, RATE_HZ = 480, 300, 10.0
@@ -22,7 +22,7 @@ def rig() -> CameraRig:
     lens = CameraModel(WIDTH, HEIGHT, np.array([[340.0, 0.0, 240.0], [0.0, 340.0, 149.0], [0.0, 0.0, 1.0]]))
     centers = np.array([[-0.35, 0.0, 0.0], [0.0, -0.05, 0.15], [0.35, 0.0, -0.05]])
     return CameraRig(
-        tuple(Camera(f"cam{i:02}", lens, look_at(center, np.array([0.0, 0.9, 0.0]))) for i, center in enumerate(centers, 1))
+        tuple(Camera(f"cam{i:02}", lens, looking_at(center, np.array([0.0, 0.9, 0.0]))) for i, center in enumerate(centers, 1))
     )
 
 

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from helpers.cameras.camera_rigs import look_at
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.views import CameraViews
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
+from tracker_node.synthesis.scenes.scene import looking_at
 
 LENSES = {
     "plumb_bob": (-0.12, 0.06, 1e-3, -6e-4, 0.01),
@@ -32,7 +32,7 @@ def ring(n: int = 6, models: Sequence[str] = tuple(LENSES)) -> CameraRig:
         kind = models[i % len(models)]
         K = np.array([[900.0 + 15 * i, 0.0, 636.0 + 3 * i], [0.0, 902.0 + 15 * i, 402.0 - 4 * i], [0.0, 0.0, 1.0]])
         model = CameraModel(WIDTH, HEIGHT, K, kind, np.array(LENSES.get(kind, ())))
-        cameras.append(Camera(f"cam{i + 1}", model, look_at(center, np.array([0.0, 0.0, 1.0]))))
+        cameras.append(Camera(f"cam{i + 1}", model, looking_at(center, np.array([0.0, 0.0, 1.0]))))
     return CameraRig(tuple(cameras))
 
 

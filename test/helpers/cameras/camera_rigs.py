@@ -9,14 +9,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3
 from tracker_node.loaders.rig.rig_yaml import read_rig_file, write_rig_file
-
-
-def look_at(center: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """T_world_cam of a camera at ``center`` whose optical axis goes through ``target``, image rows horizontal (z up)."""
-    z = (target - center) / np.linalg.norm(target - center)
-    x = np.cross(z, [0.0, 0.0, 1.0])
-    x /= np.linalg.norm(x)
-    return se3.from_rotation_translation(np.column_stack([x, np.cross(z, x), z]), center)
+from tracker_node.synthesis.scenes.scene import looking_at
 
 
 def circle_rig(n_cameras: int = 4, radius: float = 4.0, height: float = 1.5, distortion=(-0.1, 0.05, 1e-3, -5e-4)) -> CameraRig:
@@ -27,7 +20,7 @@ def circle_rig(n_cameras: int = 4, radius: float = 4.0, height: float = 1.5, dis
         angle = 2.0 * np.pi * i / n_cameras + 0.2
         center = np.array([radius * np.cos(angle), radius * np.sin(angle), height + 0.2 * i])
         model = CameraModel(640, 480, K, "plumb_bob", np.array(distortion))
-        cameras.append(Camera(f"cam{i + 1:02d}", model, look_at(center, np.array([0.0, 0.0, 1.0]))))
+        cameras.append(Camera(f"cam{i + 1:02d}", model, looking_at(center, np.array([0.0, 0.0, 1.0]))))
     return CameraRig(tuple(cameras))
 
 

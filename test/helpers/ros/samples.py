@@ -17,6 +17,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.raycast.raycaster import render_view
+from tracker_node.synthesis.scenes.scene import looking_at
 from tracker_node.tracking.estimate import CameraReport, LimbReport, LimbStatus, Status, Timings, TrackEstimate
 
 
@@ -87,21 +88,13 @@ def some_estimate(model: ArticulatedModel, stamp_ns: int = 1_234_567_890_123) ->
     )
 
 
-def look_at(eye, target) -> np.ndarray:
-    """T_world_cam of a camera at ``eye`` with the world's z up in the image."""
-    forward = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    return se3.from_rotation_translation(np.column_stack([right, np.cross(forward, right), forward]), np.array(eye, float))
-
-
 def small_rig(folder: Path, n_cameras: int = 3, width: int = 160, height: int = 120) -> CameraRig:
     """Cameras around the world's origin; sources and plates are files of ``folder``."""
     K = np.array([[1.1 * width, 0.0, (width - 1) / 2], [0.0, 1.1 * width, (height - 1) / 2], [0.0, 0.0, 1.0]])
     cameras = []
     for i in range(n_cameras):
         angle = 2.0 * np.pi * i / n_cameras
-        T = look_at((2.2 * np.cos(angle), 2.2 * np.sin(angle), 0.8), (0.1, 0.1, 0.3))
+        T = looking_at(np.array([2.2 * np.cos(angle), 2.2 * np.sin(angle), 0.8]), np.array([0.1, 0.1, 0.3]))
         name = f"cam{i + 1}"
         source, plate = str(folder / name), str(folder / f"{name}_plate.png")
         cameras.append(Camera(name, CameraModel(width, height, K), T, source=source, background=plate))

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from helpers.cameras.camera_rigs import look_at
 from helpers.sources.variable_rate_video import set_times, write_video
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
@@ -13,6 +12,7 @@ from tracker_node.loaders.images.source import SourceOptions, open_camera_source
 from tracker_node.loaders.images.stamps import varying_times
 from tracker_node.ros.ingest.cameras import chosen_cameras, open_cameras
 from tracker_node.runs.image_sets import SourceStream
+from tracker_node.synthesis.scenes.scene import looking_at
 from tracker_node.tracking.config import SynchronizerConfig
 
 N = 24
@@ -36,7 +36,7 @@ def varying(tmp_path):
 
 
 def camera(path, **changes) -> Camera:
-    return Camera("cam1", LENS, look_at(np.array([3.0, 0.0, 1.0]), np.zeros(3)), source=str(path), **changes)
+    return Camera("cam1", LENS, looking_at(np.array([3.0, 0.0, 1.0]), np.zeros(3)), source=str(path), **changes)
 
 
 def own_stamps(source) -> list[int]:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from helpers.bodies.bodies import crane
-from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.model.articulated import ArticulatedModel, Shape
@@ -13,6 +12,7 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.raycast.extent import body_extent, corners_in_camera
 from tracker_node.render.raycast.raycaster import render_mask
+from tracker_node.synthesis.scenes.scene import looking_at
 
 LENS = CameraModel(320, 240, np.array([[200.0, 0.0, 159.5], [0.0, 200.0, 119.5], [0.0, 0.0, 1.0]]))
 CAMERA = Camera("a", LENS, np.eye(4))  # the world is the camera's frame
@@ -45,7 +45,7 @@ def test_boxes_hold_their_shapes_and_hardly_more(primitive, low, high):
 
 
 def test_corners_are_in_the_camera_s_frame():
-    camera = Camera("a", LENS, look_at(np.array([0.0, -4.0, 1.0]), np.array([0.0, 0.0, 1.0])))
+    camera = Camera("a", LENS, looking_at(np.array([0.0, -4.0, 1.0]), np.array([0.0, 0.0, 1.0])))
     corners = corners_in_camera(body(Box((0.2, 0.4, 0.6)), (0.5, 0.0, 1.3)), camera)[0]
     np.testing.assert_allclose(corners.mean(axis=0), [0.5, -0.3, 4.0], atol=1e-12)
     np.testing.assert_allclose(np.ptp(corners, axis=0), np.array([0.2, 0.6, 0.4]) * 1.001, atol=1e-12)

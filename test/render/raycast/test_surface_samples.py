@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from helpers.cameras.camera_rigs import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.model.articulated import ArticulatedModel, Shape
@@ -12,9 +11,10 @@ from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.render.raycast.surface_samples import surface_samples
+from tracker_node.synthesis.scenes.scene import looking_at
 
 LENS = CameraModel(160, 120, np.array([[120.0, 0.0, 79.5], [0.0, 120.0, 59.5], [0.0, 0.0, 1.0]]))
-CAMERA = Camera("a", LENS, look_at(np.array([0.3, -3.0, 1.2]), np.array([0.0, 0.0, 1.0])))
+CAMERA = Camera("a", LENS, looking_at(np.array([0.3, -3.0, 1.2]), np.array([0.0, 0.0, 1.0])))
 MIDDLE = np.array([0.1, 0.0, 1.0])
 RADII = np.array([0.5, 0.4, 0.6])
 
@@ -81,7 +81,7 @@ def test_pixels_near_another_shape_are_left_out():
 def test_pixels_near_an_edge_of_a_box_are_left_out():
     """Of a box that shows two faces all rows have pixels of both, and none that has the other beside it."""
     configuration = body(Box((0.8, 0.8, 0.8)))
-    aside = Camera("a", LENS, look_at(np.array([2.0, -2.5, 1.2]), np.array([0.0, 0.0, 1.0])))
+    aside = Camera("a", LENS, looking_at(np.array([2.0, -2.5, 1.2]), np.array([0.0, 0.0, 1.0])))
     inner = surface_samples(configuration, aside, 2)
     faces = np.argmax(np.abs(inner.normals), axis=1)
     at = {tuple(pixel): face for pixel, face in zip(inner.pixels.tolist(), faces, strict=True)}
@@ -93,5 +93,5 @@ def test_pixels_near_an_edge_of_a_box_are_left_out():
 
 def test_a_body_out_of_sight_has_none():
     configuration = body(Ellipsoid((0.1, 0.1, 0.1)))
-    away = Camera("a", LENS, look_at(np.array([0.0, -3.0, 1.0]), np.array([0.0, -6.0, 1.0])))
+    away = Camera("a", LENS, looking_at(np.array([0.0, -3.0, 1.0]), np.array([0.0, -6.0, 1.0])))
     assert len(surface_samples(configuration, away).pixels) == 0

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from helpers.cameras.camera_rigs import look_at
 from helpers.cameras.start_scenes import scene, standing
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.model.configuration import Configuration
+from tracker_node.synthesis.scenes.scene import looking_at
 from tracker_node.tracking.initialization.evidence import StartEvidence
 from tracker_node.tracking.initialization.segmentation import StartSegmentation
 
 LENS = CameraModel(200, 150, np.array([[100.0, 0.0, 99.0], [0.0, 100.0, 74.0], [0.0, 0.0, 1.0]]))
 MIDDLE = np.array([0.0, 0.0, 1.0])
-LEVEL = Camera("level", LENS, look_at(np.array([0.0, -4.0, 1.0]), MIDDLE))  # a meter is 25 pixels
+LEVEL = Camera("level", LENS, looking_at(np.array([0.0, -4.0, 1.0]), MIDDLE))  # a meter is 25 pixels
 SIZE_M = 2.0
 
 
@@ -45,7 +45,7 @@ def test_the_ellipse_has_the_body_s_height_and_is_slim():
 
 
 def test_a_body_seen_from_above_still_has_a_length_of_two_pixels():
-    above = Camera("above", LENS, look_at(np.array([1e-6, 0.0, 30.0]), MIDDLE))
+    above = Camera("above", LENS, looking_at(np.array([1e-6, 0.0, 30.0]), MIDDLE))
     along, _ = segmentation([None])._ellipse(above, MIDDLE)
     assert np.abs(np.diff(along, axis=0)).max() <= 0.5 + 1e-9
 
@@ -99,7 +99,7 @@ def test_a_camera_without_a_map_teaches_what_is_around_alone():
 
 def test_what_the_others_do_not_confirm_loses():
     """Two cameras at right angles take a ball for the body; one of them a second ball that the other does not see."""
-    side = Camera("side", LENS, look_at(np.array([4.0, 0.0, 1.0]), MIDDLE))
+    side = Camera("side", LENS, looking_at(np.array([4.0, 0.0, 1.0]), MIDDLE))
     cameras = (LEVEL, side)
     v, u = np.indices((150, 200))
     ball = np.where(np.hypot(u - 99, v - 74) < 10, 3.0, -3.0)
@@ -115,7 +115,7 @@ def test_what_the_others_do_not_confirm_loses():
 
 
 def test_a_camera_without_a_map_gets_no_support():
-    side = Camera("side", LENS, look_at(np.array([4.0, 0.0, 1.0]), MIDDLE))
+    side = Camera("side", LENS, looking_at(np.array([4.0, 0.0, 1.0]), MIDDLE))
     looked = segmentation([np.zeros((150, 200)), None], (LEVEL, side))
     looked._agree(MIDDLE)
     first, second = looked._evidence.support
