@@ -229,14 +229,14 @@ def body_landmarks() -> tuple[Landmark, ...]:
 
 
 # A shape's z runs along its segment, and x, y as the link's; but of a foot along x (its x down), of a shoulder outward.
-_ALONG_FOOT = se3.from_rotation_translation(so3.from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.5 * np.pi), np.zeros(3))
+_ALONG_FOOT = se3.from_rotation_translation(so3.exp([0.0, 0.5 * np.pi, 0.0]), np.zeros(3))
 
 
 def body_lofts() -> dict[str, tuple[Loft, np.ndarray]]:
     """Segment -> its loft, and where that sits in the link (T_link_shape)."""
     lofts = {name: (loft, np.eye(4)) for name, loft in _trunk_lofts().items()}
     for side, sign in SIDES:
-        outward = se3.from_rotation_translation(so3.from_axis_angle(np.array([1.0, 0.0, 0.0]), -sign * 0.5 * np.pi), np.zeros(3))
+        outward = se3.from_rotation_translation(so3.exp([-sign * 0.5 * np.pi, 0.0, 0.0]), np.zeros(3))
         places = {"foot": _ALONG_FOOT, "shoulder": outward}
         for name, loft in _limb_lofts(sign).items():
             lofts[f"{side}_{name}"] = (loft, places.get(name, np.eye(4)))
