@@ -184,19 +184,11 @@ def check_interlaced(images: Sequence[np.ndarray], source: str) -> None:
         )
 
 
-def field_order(images: Sequence[np.ndarray]) -> str | None:
-    """Which field of interlaced images was exposed first, from what moves.
+def _field_order(images: Sequence[np.ndarray]) -> str | None:
+    """Which field was exposed first, one of `FIELD_ORDERS`, from what moves; None where too little does.
 
     The later field of an image and the earlier one of the next are one field period apart, the other two are three: woven
     together, they show the smaller comb.
-
-    Parameters
-    ----------
-    images : two or more successive images (h, w, 3) uint8 as recorded.
-
-    Returns
-    -------
-    One of `FIELD_ORDERS`; None where too little moves to tell.
     """
     combs = {}
     for order in FIELD_ORDERS:
@@ -224,7 +216,7 @@ def check_field_order(images: Sequence[np.ndarray], order: str, source: str) -> 
 
     Parameters
     ----------
-    images : as of `field_order`.
+    images : two or more successive ones (h, w, 3) uint8 as recorded.
     order : that the source is marked with.
     source : its name, for the message.
 
@@ -232,7 +224,7 @@ def check_field_order(images: Sequence[np.ndarray], order: str, source: str) -> 
     ------
     SourceError : naming the source and the order that its images have.
     """
-    found = field_order(images)
+    found = _field_order(images)
     if found is not None and found != order:
         raise SourceError(source, f"marked as {order}, but then what moves would go back and forth: it is {found}")
 

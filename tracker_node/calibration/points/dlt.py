@@ -239,21 +239,8 @@ def object_errors_m(cameras: Sequence[Camera], seen: Mapping[str, ControlPoints]
     return np.linalg.norm(found - np.array(list(places.values())), axis=1)[valid]
 
 
-def image_residuals(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Residuals of a camera without distortion.
-
-    Unlike `Camera.project` it goes on smoothly where a trial camera has a point behind it.
-
-    Parameters
-    ----------
-    camera : the camera.
-    points : (n, 3) world, meters.
-    pixels : (n, 2) where they are seen.
-
-    Returns
-    -------
-    (n, 2) pixels seen minus pixels of the camera.
-    """
+def _image_residuals(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """(n, 2) pixels seen minus those of a camera without distortion; as `Camera.project`, but smooth behind the camera too."""
     uvw = se3.apply(camera.T_cam_world, points) @ camera.model.K.T
     return pixels - uvw[:, :2] / uvw[:, 2:]
 
@@ -303,7 +290,7 @@ def _refine(
         return Camera(name, CameraModel(width, height, K), T @ se3.exp(x[len(names) :]))
 
     def residuals(x: np.ndarray) -> np.ndarray:
-        return image_residuals(camera_of(x), points, pixels).ravel()
+        return _image_residuals(camera_of(x), points, pixels).ravel()
 
     solution = least_squares(residuals, start, method="lm", xtol=1e-14, ftol=1e-14)
     return DltCalibration(camera_of(solution.x), solution.fun.reshape(-1, 2))

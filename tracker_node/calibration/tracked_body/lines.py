@@ -4,33 +4,29 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ...camera.rig import Camera, CameraRig
+from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...objective.chamfer.correspondences import ContourOptions
 from ...objective.contour_residual import read_samples
 from ...objective.lines import table
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer
-from ...objective.per_camera import samples_seen, serial
+from ...objective.per_camera import SeenSamples, samples_seen, serial
 from ...objective.shape_jacobian import ContourLines, normalized
 from ...observation.chamfer.observer import Observation
 from ...observation.image_set import ImageSet
 from ...observation.region.colors import color_classes
 from ...render.contour import samples as cs
 from ...render.contour.generators import P
-from ...render.contour.samples import SHAPE
 from ...render.occluders import Occluders
 from ...render.shape_arrays import ShapeArrays
 from ...tracking.chamfer.modality import ChamferModality
 from ...tracking.config import TrackerConfig
 from ...tracking.region.appearance import RegionAppearance
 from ...tracking.region.modality import line_options
-
-_OUTWARD_PX = 3.0  # so far beyond a contour it is decided what lies there
 
 
 class LineEvidence(ABC):
@@ -84,37 +80,13 @@ class LineEvidence(ABC):
         """
 
 
-@dataclass(frozen=True, eq=False)
-class VisibleSamples:
-    """Contour samples that one camera sees: ``pixels`` and ``info`` as in `render.contour.samples`, ``points`` (n, 3) in the
-    coordinates of their shapes (see `objective.shape_jacobian.normalized`)."""
-
-    pixels: np.ndarray
-    info: np.ndarray
-    points: np.ndarray
-
-
-def visible_samples(configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int) -> VisibleSamples:
-    """All contour samples of a body that a camera sees, those of one shape together.
-
-    Parameters
-    ----------
-    configuration : the body in a state.
-    arrays : its shapes.
-    camera : the camera.
-    n_samples : per generator line.
-
-    Returns
-    -------
-    The samples, in the order of shapes.
-    """
-    seen, Ts = samples_seen(configuration, arrays, camera, n_samples, _OUTWARD_PX), configuration.Ts_world_shape
-    shapes, points = seen.info[:, cs.SHAPE], np.empty((len(seen.info), 3))
+def _on_shapes(model: ArticulatedModel, Ts: np.ndarray, shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) of ``shapes`` (n,), whose frames are ``Ts`` (n_shapes, 4, 4), as `objective.shape_jacobian.normalized`."""
+    result = np.empty_like(points)
     for k in np.unique(shapes):
         own = shapes == k
-        inside = (seen.rows[own, P : P + 3] - Ts[k, :3, 3]) @ Ts[k, :3, :3]
-        points[own] = normalized(configuration.model.shapes[k].primitive, inside)
-    return VisibleSamples(seen.pixels, seen.info, points)
+        result[own] = normalized(model.shapes[k].primitive, (points[own] - Ts[k, :3, 3]) @ Ts[k, :3, :3])
+    return result
 
 
 class SilhouetteEvidence(LineEvidence):
@@ -141,15 +113,14 @@ class SilhouetteEvidence(LineEvidence):
 
     def lines(self, index: int, model: ArticulatedModel, rig: CameraRig, states: Sequence[State]) -> ContourLines:
         """To the silhouette for the outline, and to edges within it."""
-        arrays, chamfer = ShapeArrays.from_model(model, caps=False), self._config.chamfer
-        drawn = []
+        arrays, n_samples, drawn = ShapeArrays.from_model(model, caps=False), self._config.chamfer.samples_per_line, []
         for i, seen in enumerate(self._seen[index]):
             if seen is not None:
-                samples = visible_samples(Configuration(model, states[i]), arrays, rig.cameras[i], chamfer.samples_per_line)
-                drawn.append(self._read(i, samples, seen))
+                body = Configuration(model, states[i])
+                drawn.append(self._read(i, body, samples_seen(body, arrays, rig.cameras[i], n_samples), seen))
         return joined(drawn)
 
-    def _read(self, camera: int, samples: VisibleSamples, seen: Observation) -> ContourLines:
+    def _read(self, camera: int, body: Configuration, samples: SeenSamples, seen: Observation) -> ContourLines:
         outer, at = samples.info[:, cs.CLASS] == cs.OUTER, samples.pixels[:, [cs.U, cs.V, cs.NU, cs.NV]]
         at[:, :2] -= seen.region[:2]
         options = ContourOptions(inner_weight=self._config.chamfer.inner_weight, alignment=self._config.chamfer.min_alignment)
@@ -158,9 +129,10 @@ class SilhouetteEvidence(LineEvidence):
         offsets, slopes, weights = read[keep, 1], read[keep, 2:4], read[keep, 4]
         normals = slopes / np.linalg.norm(slopes, axis=1)[:, None]
         signs = np.where(np.sum(normals * at[keep, 2:], axis=1) < 0.0, -1.0, 1.0)  # edges have no side
+        shapes = samples.info[keep, cs.SHAPE].astype(np.int64)
+        points = _on_shapes(body.model, body.Ts_world_shape, shapes, samples.rows[keep, P : P + 3])
         return ContourLines(
-            np.full(len(keep), camera), samples.info[keep, cs.SHAPE].astype(np.int64), samples.points[keep],
-            samples.pixels[keep, :2], signs[:, None] * normals, -signs * offsets,
+            np.full(len(keep), camera), shapes, points, samples.pixels[keep, :2], signs[:, None] * normals, -signs * offsets,
             self._config.chamfer.residual_sigma_px**2 / weights,
         )  # fmt: skip
 
@@ -215,12 +187,8 @@ class RegionEvidence(LineEvidence):
         own = drawn.cameras[camera]
         assert own is not None
         keep = np.flatnonzero(own.lines[:, table.PRECISION] > 0.0)
-        lines, shapes = own.lines[keep], own.info[keep, SHAPE].astype(np.int64)
-        points = np.empty((len(keep), 3))
-        for k in np.unique(shapes):
-            own, T = shapes == k, model.Ts_link_shape[k]
-            in_link = lines[own, table.POINT : table.POINT + 3]
-            points[own] = normalized(model.shapes[k].primitive, (in_link - T[:3, 3]) @ T[:3, :3])
+        lines, shapes = own.lines[keep], own.info[keep, cs.SHAPE].astype(np.int64)
+        points = _on_shapes(model, model.Ts_link_shape, shapes, lines[:, table.POINT : table.POINT + 3])
         variances = 1.0 / lines[:, table.PRECISION] + self._model_sigma_px**2 + (0.5 * self._scale) ** 2 / 3.0
         return ContourLines(
             np.full(len(keep), camera), shapes, points, lines[:, table.LINE_U : table.LINE_V + 1].copy(),

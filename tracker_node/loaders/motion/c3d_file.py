@@ -138,7 +138,7 @@ def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
     FileFormatError : no C3D file, one that cannot be read, no markers, a unit that is none, no rate.
     """
     n_stated = _stated_frames(path)
-    content = read_c3d(path)
+    content = _read_c3d(path)
     values = content["points"]
     n_stated = n_stated or int(content["actual_frames"])
     if len(values) < n_stated:
@@ -196,17 +196,11 @@ _MEMORY_BYTES = 8 << 30
 _NOT_MARKERS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # lists of the points that are something else
 
 
-def read_c3d(path: str | Path) -> Mapping[str, np.ndarray]:
+def _read_c3d(path: str | Path) -> Mapping[str, np.ndarray]:
     """Content of a C3D file.
 
-    Returns
-    -------
     ``points`` (n, m, 3) in the file's unit, ``residuals`` (n, m), ``rate`` (), and texts: ``labels`` (m), ``not_markers``,
     ``units``, ``y_screen``; ``actual_frames`` (), how many ``TRIAL`` states, 0 where it does not.
-
-    Raises
-    ------
-    FileFormatError : what ezc3d says of a file that it cannot read, or how its process ended.
     """
     command = [sys.executable, "-m", "tracker_node.loaders.motion.c3d_file", str(path)]
     try:
@@ -225,7 +219,7 @@ def read_c3d(path: str | Path) -> Mapping[str, np.ndarray]:
 
 
 def main(path: str) -> None:
-    """Read ``path`` and write what `read_c3d` returns."""
+    """Read ``path`` and write what `_read_c3d` returns."""
     import ezc3d
 
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))

@@ -267,7 +267,7 @@ class ContourCorrespondences:
             assert maps is not None
             params, R, t, _ = self.body.cameras[i]
             close = close_px + close_m * float(params[0]) / max(float(R[2] @ root + t[2]), 0.1)
-            count_agreement(
+            _count_agreement(
                 self.body.arrays.packed, bodies[i].Ts_world_shape, self.body.cameras[i], maps.packed,
                 (seen.flags, seen.picks, seen.n_picks), self.options.samples_per_line, (close, self.options.alignment),
                 np.zeros((seen.flags.size, kernel.N_SAMPLE_COLUMNS)), counts[i],
@@ -284,17 +284,11 @@ N_AGREEMENT = 4
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def count_agreement(shapes, Ts, camera, maps, decided, n_samples, limits, samples, counts):
-    """Count how much of outline and silhouette boundary lie on each other in one camera.
+def _count_agreement(shapes, Ts, camera, maps, decided, n_samples, limits, samples, counts):
+    """Count how much of outline and silhouette boundary lie on each other in one camera: fill ``counts`` (`N_AGREEMENT`,).
 
-    Parameters
-    ----------
-    shapes, Ts, camera, maps : see `contour_residual.linearize_camera`.
-    decided : (flags, picks, n_picks) that it has filled.
-    n_samples : on a generator line.
-    limits : (close_px, alignment): how near a boundary has to be, and the least cosine between the normals.
-    samples : as in its ``work``, overwritten.
-    counts : (`N_AGREEMENT`,), overwritten.
+    ``decided`` is what `contour_residual.linearize_camera` has filled, ``limits`` how near a boundary has to be, and the least
+    cosine between the normals.
     """
     flags, picks, n_picks = decided
     params, R, t, center = camera

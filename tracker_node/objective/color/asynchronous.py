@@ -49,7 +49,7 @@ class AsynchronousObjective:
         self.velocity: np.ndarray | None = None
         each = replace(self.options, min_pixels=1)  # how many are too few is a matter of all cameras together
         self._parts: list[_Part] = []
-        for late, cameras in cameras_by_delay(rig, late_s).items():
+        for late, cameras in _cameras_by_delay(rig, late_s).items():
             subset = rig.subset([rig.names[i] for i in cameras])
             colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
             self._parts.append(_Part(late, cameras, ColorObjective(model, subset, each, colors, workers)))
@@ -96,18 +96,8 @@ class AsynchronousObjective:
         return self if row_step == self.options.row_step else _Decimated(self, row_step)
 
 
-def cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, list[int]]:
-    """The cameras of every delay.
-
-    Parameters
-    ----------
-    rig : of the cameras.
-    late_s : (n_cameras,) delays, seconds.
-
-    Returns
-    -------
-    Indices in the rig by delay, in rising order.
-    """
+def _cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, list[int]]:
+    """Indices of the cameras of every delay, seconds, in rising order."""
     if len(late_s) != len(rig):
         raise ValueError(f"expected {len(rig)} delays, one of each camera, got {len(late_s)}")
     return {late: [i for i, value in enumerate(late_s) if value == late] for late in sorted(set(late_s))}
@@ -151,7 +141,7 @@ class AsynchronousPhotometricObjective:
         self._min_pixels, self._n_dof = options.min_pixels, model.n_dof
         each = replace(options, min_pixels=1)  # how many are too few is a matter of all cameras together
         self._parts: list[tuple[float, list[int], PhotometricObjective]] = []
-        for late, cameras in cameras_by_delay(rig, late_s).items():
+        for late, cameras in _cameras_by_delay(rig, late_s).items():
             subset = rig.subset([rig.names[i] for i in cameras])
             colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
             self._parts.append((late, cameras, PhotometricObjective(model, subset, each, colors, workers)))
