@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from helpers.sources.tables import read_numbers
 from tracker_node.errors import FileFormatError
 from tracker_node.geometry import so3
-from tracker_node.geometry import so3 as quaternion
 from tracker_node.loaders.motion import trajectory_file as tf
 from tracker_node.loaders.motion.trajectory_file import dump_tum
 from tracker_node.model.kinematic_chain import ROOT_DOF_NAMES
@@ -96,7 +95,7 @@ def test_poses_come_back(tmp_path: Path) -> None:
     stamps_ns, (row,) = read_numbers(tmp_path / "poses.csv")
     assert stamps_ns.tolist() == [99]
     assert row[:3].tobytes() == transform[:3, 3].tobytes()
-    assert row[3:].tobytes() == quaternion.xyzw_from_matrix(transform[:3, :3]).tobytes()
+    assert row[3:].tobytes() == so3.xyzw_from_matrix(transform[:3, :3]).tobytes()
     np.testing.assert_allclose(Rotation.from_quat(row[3:]).as_matrix(), transform[:3, :3], atol=1e-12)
     assert (tmp_path / "poses.csv").read_text().startswith("stamp_ns,x_m,y_m,z_m,qx,qy,qz,qw\n")
 

@@ -12,7 +12,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from helpers.ros.samples import arm, some_estimate, some_state
 from tracker_node.geometry import se3, so3
-from tracker_node.geometry import so3 as quaternion
 from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.model.configuration import Configuration
 from tracker_node.render.palette import rgb_of
@@ -161,7 +160,7 @@ def test_transforms_are_from_parent_to_child():
     assert (one.header.stamp.sec, one.header.stamp.nanosec) == (5, 7)
     q, p = one.transform.rotation, one.transform.translation
     assert (p.x, p.y, p.z) == (1.0, 2.0, 3.0)
-    np.testing.assert_allclose(quaternion.matrix_from_xyzw(np.array([q.x, q.y, q.z, q.w])), T[:3, :3], atol=1e-12)
+    np.testing.assert_allclose(so3.matrix_from_xyzw(np.array([q.x, q.y, q.z, q.w])), T[:3, :3], atol=1e-12)
 
 
 def test_the_marker_of_a_mesh_is_its_triangles():

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError
-from ...geometry import so3 as quaternion
+from ...geometry import so3
 from ...loaders.motion.bvh import AXES_Y_UP, dump_bvh
 from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
 from ...loaders.motion.trajectory_file import dump_tum
@@ -138,7 +138,7 @@ def _tum(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
     link = motion.model.chain.link_index(options.link) if options.link else 0
     good = motion.valid
     Ts = motion.Ts_world_link()[good, link]
-    turns = np.array([quaternion.xyzw_from_matrix(rotation) for rotation in options.axes @ Ts[:, :3, :3]])
+    turns = np.array([so3.xyzw_from_matrix(rotation) for rotation in options.axes @ Ts[:, :3, :3]])
     dump_tum(motion.stamps_ns[good], Ts[:, :3, 3] @ options.axes.T, turns, path)
     return []
 

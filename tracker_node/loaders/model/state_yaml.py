@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...errors import FileFormatError, ModelError
-from ...geometry import se3
-from ...geometry import so3 as quaternion
+from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, refuse_implausible
 from ..file_model import STATE, FileModel, Number, numbers, problem, validate
@@ -55,7 +54,7 @@ class RootEntry(FileModel):
         """T_world_root (4, 4)."""
         if self.quaternion_xyzw is None:
             return transform_of(self.xyz, self.rpy_deg or (0.0, 0.0, 0.0))
-        rotation = quaternion.matrix_from_xyzw(np.array(self.quaternion_xyzw))
+        rotation = so3.matrix_from_xyzw(np.array(self.quaternion_xyzw))
         return se3.from_rotation_translation(rotation, np.array(self.xyz))
 
 
@@ -120,7 +119,7 @@ def dump_state(state: State, model: ArticulatedModel, path: str | Path, comment:
     state, model, path : state of ``model``; YAML file.
     comment : lines on top of the file.
     """
-    rotation = quaternion.xyzw_from_matrix(state.T_world_root[:3, :3])
+    rotation = so3.xyzw_from_matrix(state.T_world_root[:3, :3])
     joints: dict[str, dict[str, float]] = {"joints_deg": {}, "joints_m": {}}
     for axis, value in zip(model.chain.axes, state.joint_positions, strict=True):
         if axis.prismatic:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError
-from ...geometry import so3 as quaternion
+from ...geometry import so3
 from ...model.kinematic_chain import N_ROOT_DOF
 from ..csv_file import CsvTable, CsvWriter, exact
 from ..whole_file import write_whole
@@ -134,7 +134,7 @@ class PosesWriter(CsvWriter):
         ----------
         stamp_ns, T_world_root : nanoseconds; (4, 4).
         """
-        q_xyzw = quaternion.xyzw_from_matrix(T_world_root[:3, :3])
+        q_xyzw = so3.xyzw_from_matrix(T_world_root[:3, :3])
         self.write_rows([[int(stamp_ns), *map(exact, T_world_root[:3, 3]), *map(exact, q_xyzw)]])
 
 

@@ -18,8 +18,7 @@ from geometry_msgs.msg import Pose
 from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, Array, BasicType, NamespacedType
 
 from ...errors import TrackerError, UnknownNameError
-from ...geometry import se3
-from ...geometry import so3 as quaternion
+from ...geometry import se3, so3
 from ...loaders.bag.message_types import time_of
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
@@ -175,7 +174,7 @@ def transform_of_pose(pose: Pose) -> np.ndarray:
     numbers = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
     if not np.all(np.isfinite(numbers)) or np.linalg.norm(numbers[3:]) < 1e-6:
         raise TrackerError(f"pose: expected finite numbers and a quaternion of length one, got {numbers.tolist()}")
-    return se3.from_rotation_translation(quaternion.matrix_from_xyzw(numbers[3:]), numbers[:3])
+    return se3.from_rotation_translation(so3.matrix_from_xyzw(numbers[3:]), numbers[:3])
 
 
 def state_of_pose(pose: Pose, joint_positions: np.ndarray) -> State:

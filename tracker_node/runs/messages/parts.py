@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...geometry import so3 as quaternion
+from ...geometry import so3
 from ...loaders.bag.message_types import time_of
 
 Content = Mapping[str, Any]
@@ -37,7 +37,7 @@ def xyz(vector: np.ndarray) -> Content:
 
 def xyzw(R: np.ndarray) -> Content:
     """geometry_msgs/Quaternion of a rotation (3, 3)."""
-    x, y, z, w = quaternion.xyzw_from_matrix(R).tolist()
+    x, y, z, w = so3.xyzw_from_matrix(R).tolist()
     return {"x": x, "y": y, "z": z, "w": w}
 
 
