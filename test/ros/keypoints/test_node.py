@@ -98,6 +98,30 @@ def test_each_camera_has_its_points_with_the_stamp_of_the_image(build, probe):
     assert stamps(bench.points["cam1"]) == stamps(bench.points["cam2"]) == [7 * PERIOD_NS]
 
 
+def test_images_are_asked_for_when_the_networks_are_loaded(probe):
+    """A source that waits for its subscribers would have sent half of a recording by then."""
+    loaded, detector = threading.Event(), FakeDetector()
+
+    def load() -> FakeDetector:
+        assert loaded.wait(30.0)
+        return detector
+
+    node = KeypointsNode(KeypointsOptions(CAMERAS, load, "fake"))
+    try:
+        probe.add_node(node)
+        images = probe.node.create_publisher(Image, "cam1/image_raw", images_published(50))
+        probe.until_known("keypoints")
+        later = time.monotonic() + 1.0
+        probe.spin_until(lambda: time.monotonic() > later)
+        assert images.get_subscription_count() == 0
+        loaded.set()
+        probe.spin_until(lambda: images.get_subscription_count() == 1, "the subscription to images")
+    finally:
+        loaded.set()
+        node.close()
+        node.destroy_node()
+
+
 def test_the_newest_set_wins_and_the_others_are_counted(build, probe):
     bench = build()
     bench.detector.go.clear()

@@ -26,6 +26,7 @@ from .worker import DetectionWorker, Detector, NewestSet
 NICENESS = 5  # others have three times as much of a busy processor; with 10 a busy machine gave no points at all
 _CROPS_NS = 500_000_000  # between the stamps of crops and images; older crops say nothing
 _SILENT_S, _FIRST_S = 5.0, 30.0  # without an image set, and without the first one: cameras may be started after us
+_LOOK_S = 0.1  # between two looks whether the networks are loaded
 _POINTS = QoSProfile(depth=10)  # reliable: late points are better than none
 
 
@@ -93,6 +94,7 @@ class KeypointsNode(GuardedNode):
             niceness=options.niceness, wanted=self._listened_to, on_error=self.get_logger().error,
         )  # fmt: skip
         self._before_s, self._before, self._formed_s = time.monotonic(), (0, 0), time.monotonic()
+        self._begins = self.create_timer(_LOOK_S, self._subscribe_when_ready, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer_of_node = self.create_timer(1.0, self.report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.worker.start()
 
@@ -104,6 +106,12 @@ class KeypointsNode(GuardedNode):
     def close(self) -> None:
         """End the work."""
         self.worker.stop()
+
+    def _subscribe_when_ready(self) -> None:
+        """Sources wait for subscribers: with one that is still loading its networks, a recording would be half over."""
+        if self.worker.ready.is_set():
+            self._begins.cancel()
+            self._sets.subscribe()
 
     def _take_crops(self, message: Crops) -> None:
         self._crops = stamp_ns_of(message.header.stamp), messages.crops_in(message)

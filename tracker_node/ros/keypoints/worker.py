@@ -158,7 +158,7 @@ class DetectionWorker:
 
 
 class NewestSet:
-    """Subscriptions to ``<cam>/image_raw``; one thread of the node's own takes.
+    """Subscriptions to ``<cam>/image_raw``, once `subscribe` is called; one thread of the node's own takes.
 
     Parameters
     ----------
@@ -184,12 +184,18 @@ class NewestSet:
         self._waiting: deque[ImageSet] = deque(maxlen=_MOST_WAITING if lossless else 1)
         self.formed = self.dropped = 0
         self.problems: dict[str, str] = {}
-        kind, topic = (CompressedImage, "image_raw/compressed") if compressed else (Image, "image_raw")
-        for camera in cameras:
+        self._node, self._cameras, self._compressed, self._mismatches, self._lossless = (
+            node, cameras, compressed, mismatches, lossless,
+        )  # fmt: skip
+
+    def subscribe(self) -> None:
+        """Ask for images."""
+        kind, topic = (CompressedImage, "image_raw/compressed") if self._compressed else (Image, "image_raw")
+        for camera in self._cameras:
             name = f"{camera}/{topic}"
-            node.create_subscription(
-                kind, name, partial(self._add, camera), **overridable(images_subscribed(lossless)),
-                event_callbacks=mismatches.of_subscription(camera, name), raw=kind is Image,
+            self._node.create_subscription(
+                kind, name, partial(self._add, camera), **overridable(images_subscribed(self._lossless)),
+                event_callbacks=self._mismatches.of_subscription(camera, name), raw=kind is Image,
             )  # fmt: skip
 
     def _add(self, camera: str, data: Any) -> None:
