@@ -14,6 +14,7 @@ from ..errors import CalibrationError, TrackerError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
+from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.constraints.prior import Prior
 from ..observation.image_set import ImageSet
 from ..observation.keypoints.crop import Crop
@@ -426,6 +427,9 @@ class Tracker:
         H = np.zeros((n, n)) if information is None else information.copy()
         if prior is not None:
             prior.add_to(H, np.zeros(n), state)
+        if weights is not None:  # of what is not seen, the limits of its joints are known
+            ranges = self.model.chain.upper - self.model.chain.lower
+            H[np.diag_indices(n)] += (1.0 - weights**2) * np.concatenate([np.zeros(N_ROOT_DOF), 12.0 / ranges**2])
         if evidence is not None and weights is not None:
             evidence = evidence.weighted(weights, self.model.chain.link_moved_by)
         return fit_covariance(H, evidence, Configuration(self.model, state))

@@ -231,6 +231,20 @@ def test_a_limb_whose_end_is_not_known_to_a_fifth_of_lost_is_degraded(sigma_m, c
     assert judge.update(evidence(), STATE, covariance, None)[1].status is LimbStatus.TRACKING
 
 
+@pytest.mark.parametrize(("sigma_m", "weight"), [(0.02, 0.1), (0.04, 1.0)])
+def test_what_images_seem_to_know_of_a_limb_that_its_points_do_not_confirm_counts_little(sigma_m, weight):
+    judge = LimbJudge(MODEL, StatusConfig())
+    told_beside(judge, evidence(), sure_beside(), 20)
+    own = judge.limbs[1].dofs
+    unit = judge.tip_sigmas(STATE, np.diag(own.astype(float)))[1]
+    covariance = np.diag(own * (sigma_m / unit) ** 2)
+    weights = judge.dof_weights(judge.update(evidence(), STATE, covariance, sure_beside(left_forearm=-1.0)))
+    assert (weights[own] == weight).all() and (weights[~own] == 1.0).all()
+    unlooked = judge.dof_weights(judge.update(evidence(), STATE, covariance, None))
+    np.testing.assert_array_equal(unlooked, weights)  # until a detector looks again
+    assert (judge.dof_weights(judge.update(evidence(), STATE, covariance, sure_beside())) == 1.0).all()
+
+
 def test_a_set_of_points_and_outlines_cannot_say_more_than_the_limit():
     config = replace(StatusConfig(), evidence_limit=1.5, limb_loss=1e-6, limb_recovery=0.0)
     judge = LimbJudge(MODEL, config)

@@ -32,6 +32,7 @@ _BESIDE = 1.0  # log odds by outlines that count at most where there is other ev
 _CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set, that a limb that is seen has
 _LEAST_LIMBS = 3  # that are seen, to say where the trunk is
 _KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
+_OF_GUESSES = 0.1  # weight of what images say of a limb that they seem to know well, but points and outline do not confirm
 _START = 0.3  # probability of lost that a limb starts with
 
 MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
@@ -117,6 +118,7 @@ class LimbJudge:
         self.was_lost = not self.knows or self.body_lost
         self.probabilities = np.full(len(self.limbs), _START)
         self._confirmed = np.ones(len(self.limbs), dtype=np.bool_)
+        self._guessed = np.zeros(len(self.limbs), dtype=np.bool_)
 
     @property
     def knows(self) -> bool:
@@ -222,7 +224,9 @@ class LimbJudge:
         self.shares[i] = np.nan if measures is None else self._shares_of(i, measures)
         outline = 0.0 if measures is None else self.odds(i, measures)
         if i > 0 and not math.isnan(others):
-            self._confirmed[i] = others + max(outline, -_BESIDE) <= _CONFIRMED and sigma_m <= _KNOWN_M
+            agrees = others + max(outline, -_BESIDE) <= _CONFIRMED
+            self._confirmed[i] = agrees and sigma_m <= _KNOWN_M
+            self._guessed[i] = not agrees and sigma_m <= (_KNOWN_M if p < config.limb_lost else LOST_TIP_M)
         others = 0.0 if math.isnan(others) else others
         if measures is None and not others:
             self.probabilities[i] = p
@@ -287,12 +291,15 @@ class LimbJudge:
     def dof_weights(self, reports: Sequence[LimbReport]) -> np.ndarray:
         """(n_dof,) factor of the square root of the information that the images give.
 
-        1 where a limb is in place, towards 0 as it is lost: what was fitted to another thing says nothing of it.
+        1 where a limb is in place, towards 0 as it is lost: what was fitted to another thing says nothing of it. Little where it
+        is hidden, and a detector guesses.
         """
         result = np.ones(self._model.n_dof)
-        for limb, report in zip(self.limbs, reports, strict=True):
+        for limb, report, guessed in zip(self.limbs, reports, self._guessed, strict=True):
             if report.status is LimbStatus.LOST:
                 result[limb.dofs] = math.sqrt(1.0 - min(report.probability, 1.0 - 1e-4))
+            if guessed:
+                result[limb.dofs] = np.minimum(result[limb.dofs], _OF_GUESSES)
         return result
 
 
