@@ -13,10 +13,10 @@ from benchmark.clothed._recording import CHAINS, ENDS, JOINTS, LIMB_NAMES, Cloth
 from benchmark.clothed._runs import TOGETHER, Run, WithPeople, replayed, settings, track
 from tracker_node.camera.rig import Camera
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.measures import mirrored_name
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.observation.keypoints.people import People, Person
+from tracker_node.tracking.keypoints.people_groups import mirrored
 from tracker_node.tracking.limbs.tree import limbs_of
 
 _LEAST_OFF_M, _TRIES = 0.25, 500  # of the end of a limb that is put wrong
@@ -57,12 +57,6 @@ def wrong_limb(clip: ClothedClip, state: State, limb: int, rng: np.random.Genera
     return best
 
 
-def exchanged(person: Person) -> Person:
-    """The person with left and right exchanged, as a detector that takes one for the other finds it."""
-    rows = [person.names.index(mirrored_name(name)) for name in person.names]
-    return replace(person, pixels=person.pixels[rows], covariances=person.covariances[rows], scores=person.scores[rows])
-
-
 def disturb(
     people: Sequence[Sequence[People | None]], others: Sequence[Person], fraction: float, rng: np.random.Generator
 ) -> tuple[list[list[People | None]], np.ndarray]:
@@ -86,7 +80,7 @@ def disturb(
             if found and rng.random() < fraction:
                 done[i, camera] = EXCHANGED if not others or rng.random() < 0.5 else REPLACED
             if done[i, camera] == EXCHANGED:
-                found = tuple(exchanged(person) for person in found or ())
+                found = tuple(mirrored(person) for person in found or ())
             elif done[i, camera] == REPLACED:
                 found = (others[int(rng.integers(len(others)))],)
             disturbed.append(found)
@@ -154,9 +148,9 @@ def decision(people: People, chosen: Person | None, pixels: np.ndarray, rows: np
         return np.linalg.norm(own - pixels, axis=1) / size
 
     if chosen is None:
-        best = min(float(np.median(distances(each))) for person in people for each in (person, exchanged(person)))
+        best = min(float(np.median(distances(each))) for person in people for each in (person, mirrored(person)))
         return Decisions(1, body_left_out=int(best < _IS_BODY))
-    found, other = distances(chosen), distances(exchanged(chosen))
+    found, other = distances(chosen), distances(mirrored(chosen))
     if min(np.median(found), np.median(other)) > _ELSEWHERE:
         return Decisions(1, other_taken=1)
     return Decisions(1, left_right_wrong=int(found.mean() - other.mean() > _CLEARLY))

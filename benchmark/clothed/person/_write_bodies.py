@@ -56,7 +56,8 @@ _LIMBS = {
 }
 _BODY_FROM_ANNY = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # anny: x left, y backward, z up
 _N_WEIGHTS = 4  # joints a vertex, at most
-_SEED = 1  # of the people who are drawn
+_SEED = 1  # of the people whose lengths are written...
+_SEED_OF_PEOPLE = 77  # ...and of those whose bodies are
 
 # Length -> the joints at its ends, the middle of both sides where a joint has no side.
 LENGTHS = {
@@ -182,6 +183,15 @@ def _write_lengths(path: Path, model, n_people: int) -> None:
     print(f"wrote {path}")
 
 
+def _write_people(folder: Path, model, n_people: int) -> None:
+    rng = np.random.default_rng(_SEED_OF_PEOPLE)
+    for i in range(n_people):
+        phenotype = draw_phenotype(rng)
+        vertices, _ = _at_rest(model, phenotype)
+        np.savez_compressed(folder / f"p{i}.npz", **body_arrays(model, phenotype, float(np.ptp(vertices[:, 2]))))
+        print(f"wrote {folder / f'p{i}.npz'}", flush=True)
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0],
@@ -189,6 +199,7 @@ def main(arguments: list[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--output", type=Path, default=Path("out/clothed/bodies"), metavar="FOLDER", help="default: %(default)s")
+    parser.add_argument("--people", type=int, metavar="N", help="write N people who are drawn instead, p0.npz and so on")
     parser.add_argument("--lengths", type=int, metavar="N", help="write lengths.csv of N people who are drawn instead")
     args = parser.parse_args(arguments)
     import anny
@@ -200,6 +211,9 @@ def main(arguments: list[str] | None = None) -> int:
     with torch.no_grad():
         if args.lengths:
             _write_lengths(args.output / "lengths.csv", model, args.lengths)
+            return 0
+        if args.people:
+            _write_people(args.output, model, args.people)
             return 0
         for name, (phenotype, stature) in BODIES.items():
             np.savez_compressed(args.output / f"{name}.npz", **body_arrays(model, phenotype, stature))

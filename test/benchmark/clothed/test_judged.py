@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmark.clothed._disturbed import AS_FOUND, EXCHANGED, REPLACED, Decisions, decision, disturb, exchanged
+from benchmark.clothed._disturbed import AS_FOUND, EXCHANGED, REPLACED, Decisions, decision, disturb
 from benchmark.clothed._judged import (
     Accuracy,
     LimbCounts,
@@ -21,6 +21,7 @@ from benchmark.clothed._runs import Run
 from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.people import Person
 from tracker_node.tracking.estimate import LimbStatus, Status
+from tracker_node.tracking.keypoints.people_groups import mirrored
 
 N = 20
 
@@ -139,10 +140,10 @@ ROWS = np.arange(12)
 def test_decisions_about_people_are_judged_by_the_truth():
     body, stranger = person_at(PIXELS), person_at(PIXELS + 150.0)
     assert decision((body,), body, PIXELS, ROWS) == Decisions(1)
-    assert decision((exchanged(body),), exchanged(body), PIXELS, ROWS) == Decisions(1, left_right_wrong=1)
+    assert decision((mirrored(body),), mirrored(body), PIXELS, ROWS) == Decisions(1, left_right_wrong=1)
     assert decision((body, stranger), stranger, PIXELS, ROWS) == Decisions(1, other_taken=1)
     assert decision((stranger,), None, PIXELS, ROWS) == Decisions(1)
-    assert decision((stranger, exchanged(body)), None, PIXELS, ROWS) == Decisions(1, body_left_out=1)
+    assert decision((stranger, mirrored(body)), None, PIXELS, ROWS) == Decisions(1, body_left_out=1)
     assert decision((body,), body, PIXELS[:3], ROWS[:3]) == Decisions()  # hardly anything of it is in the image
     total = Decisions(8, 1, 0, 1) + Decisions(2, 0, 1, 0)
     assert total == Decisions(10, 1, 1, 1) and total.wrong == pytest.approx(0.3)
@@ -156,6 +157,6 @@ def test_a_fifth_of_the_people_are_disturbed_in_two_ways():
     assert (done == EXCHANGED).sum() == pytest.approx((done == REPLACED).sum(), rel=0.3)
     for row, what in zip(result, done, strict=True):
         for found, each in zip(row[:2], what, strict=False):
-            expected = {AS_FOUND: body, EXCHANGED: exchanged(body), REPLACED: stranger}[each]
+            expected = {AS_FOUND: body, EXCHANGED: mirrored(body), REPLACED: stranger}[each]
             np.testing.assert_array_equal(found[0].pixels, expected.pixels)
         assert row[2:] == [(), None]
