@@ -28,7 +28,7 @@ class PointEntry(FileModel):
     """One point of the detector.
 
     ``landmark`` of the body; ``offset`` from it in the axes of its link, and ``sigma``, standard deviation of the offset in these
-    axes or in each of them, meters.
+    axes or in each of them, meters. ``by_leg``: see `LandmarkPoint`.
     """
 
     landmark: str
@@ -36,6 +36,7 @@ class PointEntry(FileModel):
     sigma: Annotated[
         tuple[float, float, float], checked("a positive number of meters, or three along the axes of the link", _is_sigma, _sigma)
     ] = _DEFAULT.sigma
+    by_leg: Annotated[float, checked("a number", is_number, float)] = _DEFAULT.by_leg
 
 
 class KeypointFile(FileModel):
@@ -71,7 +72,7 @@ def load_keypoint_table(path: str | Path, model: ArticulatedModel) -> KeypointTa
         if entry.landmark not in model.landmark_names:
             known = ", ".join(model.landmark_names) or "none"
             raise FileFormatError(path, f"points.{name}.landmark", f"a landmark of {model.name}: {known}", entry.landmark)
-        table[name] = LandmarkPoint(entry.landmark, entry.offset, entry.sigma)
+        table[name] = LandmarkPoint(entry.landmark, entry.offset, entry.sigma, entry.by_leg)
     return table
 
 
@@ -94,8 +95,12 @@ def dump_keypoint_table(table: KeypointTable, path: str | Path, names: Sequence[
     names : of all points in the order of the detector's files.
     """
     points = {
-        name: Inline(landmark=point.landmark, offset=list(point.offset), sigma=list(point.sigma)) for name, point in table.items()
-    }
+        name: Inline(
+            landmark=point.landmark, offset=list(point.offset), sigma=list(point.sigma),
+            **({"by_leg": point.by_leg} if point.by_leg else {}),
+        )
+        for name, point in table.items()
+    }  # fmt: skip
     write_mapping({"points": points, **({"names": list(names)} if names else {})}, path)
 
 
