@@ -39,6 +39,7 @@ from .uncertainty.covariance import ImageEvidence, fit_covariance
 _LOST_SETS = 2  # image sets in which a body was LOST, after which a detector's points say where it is
 _HELD_SETS = 5  # that a body was not LOST, for what was learned from it to be the body's...
 _KNOWN_SETS = 100  # ...and in which it is LOST, until that says nothing any more
+_MOST_AGAIN = 1  # image sets that are fitted again where points come late, of those since: live, all would take too long
 _CLEARLY = 0.05  # fraction of its log-likelihood ratio by which another place has to be better than one that is not lost
 
 
@@ -331,7 +332,7 @@ class Tracker:
         return begin is not None
 
     def _go_back(self, past: list[PastSet]) -> None:
-        """Go through image sets again, the first of which has points now; where it does not find the body, all stays as it is."""
+        """Go through some image sets again, the first of which has points now; where the body is not found in that, all stays."""
         if not past:
             return
         assert self._late is not None
@@ -342,8 +343,12 @@ class Tracker:
         if begun:
             lost = self._stepped(oldest.image_set, self._images(oldest.image_set), oldest.people).assessment.status is Status.LOST
             if not lost:
-                for each in past[1:]:
-                    self._fit_again(each)
+                every = -(-len(past) // (_MOST_AGAIN + 1))
+                for i, each in enumerate(past[1:], 1):
+                    if i % every == 0 or any(each.people):
+                        self._fit_again(each)
+                    else:
+                        self._late.add(replace(each, motion=copy(self._track.motion)))
                 return
             self._track, past = kept, past[1:]
         for each in past:

@@ -53,7 +53,7 @@ class _Pace:
     def next_set(self, has_points: bool) -> None:
         """An image set comes, with points or without."""
         self._since_points = 0 if has_points else self._since_points + 1
-        self._since_limbs += 1
+        self._since_limbs = 0 if has_points else self._since_limbs + 1  # points have put limbs where they are
 
     @property
     def limbs_due(self) -> bool:
