@@ -134,7 +134,7 @@ def test_searches_for_limbs_rest_while_points_come(clip, engine, monkeypatch):
         engine.observe(images, clip.states[1])
         engine.fit(clip.states[1], first=False)
         counts.append(len(searched))
-    assert [1 + int(k) for k in np.flatnonzero(np.diff(counts, prepend=0))] == [*range(1, 30, 3), *range(30, 36)]
+    assert [1 + int(k) for k in np.flatnonzero(np.diff(counts, prepend=0))] == [*range(3, 30, 3), *range(30, 36)]
 
 
 def test_points_count_in_full_beside_lines(clip, engine):
