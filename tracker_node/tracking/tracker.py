@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -202,7 +202,7 @@ class Tracker:
             if track.lost or track.unproven:
                 initializer.watch(images)
             return None
-        found = initializer.find(images, image_set, track.start, self._may_be(images))
+        found = initializer.find(images, image_set, track.start, lambda states: self._supported(images, states))
         if found is None:
             if not initializer.busy and track.start is not None and not track.lost:
                 track.unproven = None
@@ -219,16 +219,14 @@ class Tracker:
         self._late = other._late
         return replace(estimate, faults=self._check.faults)
 
-    def _may_be(self, images: Images) -> Callable[[State], bool] | None:
-        """Whether a LOST body may be somewhere else: what was learned while it was tracked speaks more for that than for where it
-        is taken to be. None where nothing can tell."""
+    def _supported(self, images: Images, states: list[State]) -> list[State]:
+        """Where a LOST body may be: what was learned while it was tracked speaks more for that than for where it is taken to be.
+        All of ``states`` where nothing can tell."""
         track, engine, here = self._track, self._track.engine, self._track.start
         if here is None or not 0 < track.lost < _KNOWN_SETS or track.held < _HELD_SETS:
-            return None
+            return states
         gain = engine.support(images, here)
-        if gain is None:
-            return None
-        return lambda state: (engine.support(images, state) or 0.0) > gain
+        return states if gain is None else [state for state in states if (engine.support(images, state) or 0.0) > gain]
 
     def expected_crops(self, stamp_ns: int) -> list[Crop | None]:
         """Where a detector of people should look for the body.

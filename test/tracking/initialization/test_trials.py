@@ -67,13 +67,13 @@ def test_a_search_that_fails_again_and_again_pauses_longer_and_longer(monkeypatc
     refused = []
     after = []
     for _ in range(40):
-        assert made.find([], NO_IMAGES, None, lambda state: refused.append(state)) is None
+        assert made.find([], NO_IMAGES, None, lambda states: refused.extend(states) or []) is None
         after.append(len(searched))
     assert made.problem == "the colors that were learned speak against all poses that hold"
     assert refused == [HERE, TURNED] * len(searched)
     assert [after.index(n) for n in range(1, 5)] == [0, 3, 8, 17]  # pauses of 2, 4, 8 and then 16 image sets
     made.stop()
-    assert made.find([], NO_IMAGES, None, lambda state: False) is None and len(searched) == after[-1] + 1
+    assert made.find([], NO_IMAGES, None, lambda states: []) is None and len(searched) == after[-1] + 1
 
 
 def test_likely_lost_limbs_count_less():

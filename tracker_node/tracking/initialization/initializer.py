@@ -87,15 +87,16 @@ class Initializer:
         self._finder.watch(images)
 
     def find(
-        self, images: Images, image_set: ImageSet, around: State | None = None, allowed: Callable[[State], bool] | None = None
-    ) -> tuple[Follower, TrackEstimate] | None:
+        self, images: Images, image_set: ImageSet, around: State | None = None,
+        allowed: Callable[[list[State]], list[State]] = list,
+    ) -> tuple[Follower, TrackEstimate] | None:  # fmt: skip
         """Find the body; where that fails, ``problem`` says why, and the next few image sets are only watched.
 
         Parameters
         ----------
         images, image_set : BGR pixels of all cameras, and the set that they are of.
         around : where the body was last.
-        allowed : whether the body may be in a state; None: in any.
+        allowed : those of some states in which the body may be.
 
         Returns
         -------
@@ -111,29 +112,24 @@ class Initializer:
         starts = self._finder.find(images, around)
         self.problem = self._finder.problem
         if not starts:
-            self._rest(self._finder.watching)
+            self._pause = 0 if self._finder.watching else self._config.interval_sets
             return None
-        states = self._chosen(starts, images, image_set)
-        if states and allowed is not None:
-            states = [state for state in states if allowed(state)]
-            if not states:
-                self._rest()
-                self.problem = "the colors that were learned speak against all poses that hold"
-                return None
+        holding = self._chosen(starts, images, image_set)
+        states = allowed(holding)
         if not states:
             self._rest()
             covers = f"{100 * starts[0].score:.0f} % of what stands out"
             self.problem = f"the best of {len(starts)} poses does not hold; it covers {covers}"
+            if holding:
+                self.problem = "the colors that were learned speak against all poses that hold"
             return None
         while len(self._followers) < len(states):
             self._followers.append(self._make_follower())
         self._contest = Contest(self._followers[: len(states)], states, self._config.tracked_sets)
         return self._continued(self._contest, image_set)
 
-    def _rest(self, watching: bool = False) -> None:
-        """Pause after a search that has found nothing, longer with each; not while too little has been seen for one."""
-        if watching:
-            return
+    def _rest(self) -> None:
+        """Pause after poses have been tried in vain, longer with each time."""
         self._pause = self._config.interval_sets * min(2**self._failed, _LONGEST_PAUSE)
         self._failed += 1
 
