@@ -5,6 +5,7 @@ People as a tracker may use them, whatever a detector has said: finite numbers, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,6 +66,24 @@ People = tuple[Person, ...]
 
 _FAR_PX = 1e6  # no point is farther from the image than this
 _FAR_M = 1e3  # nor one of a skeleton from the others
+
+
+def rearranged(person: Person, rows: Sequence[int]) -> Person:
+    """The person with other points under its names, such as those of the other side.
+
+    Parameters
+    ----------
+    person, rows : (n,) of the points, in the order of the names.
+
+    Returns
+    -------
+    With all that is known of each point.
+    """
+    rows = list(rows)
+    skeleton = None if person.skeleton is None else person.skeleton[rows]
+    return replace(
+        person, pixels=person.pixels[rows], covariances=person.covariances[rows], scores=person.scores[rows], skeleton=skeleton
+    )  # fmt: skip
 
 
 def checked(person: Person) -> Person:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.configuration import State
 from ...model.humans.measures import mirrored_name
-from ...observation.keypoints.people import Person
+from ...observation.keypoints.people import Person, rearranged
 from ..engine import Choice
 from ..modality import PeopleSeen, Persons
 from .modality import KeypointModality
@@ -92,12 +90,10 @@ class PersonChoice(Choice):
 
     def _with_rows(self, person: Person, wrong: np.ndarray) -> Person:
         """The person with the points in ``wrong`` exchanged with those of the other side."""
-        names = self._modality.names
+        names, rows = self._modality.names, np.arange(len(person.names))
         to = [person.names.index(names[k]) for k in np.flatnonzero(wrong)]
-        of = [person.names.index(names[k]) for k in self._mirrored[wrong]]
-        pixels, covariances, scores = person.pixels.copy(), person.covariances.copy(), person.scores.copy()
-        pixels[to], covariances[to], scores[to] = person.pixels[of], person.covariances[of], person.scores[of]
-        return replace(person, pixels=pixels, covariances=covariances, scores=scores)
+        rows[to] = [person.names.index(names[k]) for k in self._mirrored[wrong]]
+        return rearranged(person, rows)
 
     def _sigma_px(self, i: int, places: np.ndarray, sigma_m: float) -> float:
         """Pixels of a length at the body's distance from a camera."""

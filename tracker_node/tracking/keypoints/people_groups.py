@@ -10,7 +10,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.humans.measures import mirrored_name
-from ...observation.keypoints.people import Person
+from ...observation.keypoints.people import Person, rearranged
 from ..modality import PeopleSeen
 
 _MOST_PEOPLE = 6  # of an image: the surest and largest
@@ -53,11 +53,7 @@ class PersonGroup:
 
 def mirrored(person: Person) -> Person:
     """The person with the points of left and right exchanged."""
-    rows = [person.names.index(mirrored_name(name)) for name in person.names]
-    skeleton = None if person.skeleton is None else person.skeleton[rows]
-    return replace(
-        person, pixels=person.pixels[rows], covariances=person.covariances[rows], scores=person.scores[rows], skeleton=skeleton
-    )  # fmt: skip
+    return rearranged(person, [person.names.index(mirrored_name(name)) for name in person.names])
 
 
 def grouped(rig: CameraRig, people: PeopleSeen) -> list[PersonGroup]:
