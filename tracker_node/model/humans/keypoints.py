@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -118,7 +119,7 @@ _SIZED_BY = (("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("left_hip"
 
 def relative_size(model: ArticulatedModel) -> float:
     """Size of a person's body in that of the default one, by trunk and leg; 1 of a body without these landmarks."""
-    return float(_lengths(model).sum() / _lengths(human_model()).sum())
+    return float(_lengths(model).sum() / _default_lengths().sum())
 
 
 def expected_offsets(model: ArticulatedModel, points: Sequence[LandmarkPoint]) -> np.ndarray:
@@ -140,8 +141,13 @@ def expected_offsets(model: ArticulatedModel, points: Sequence[LandmarkPoint]) -
 
 def leg_ratio(model: ArticulatedModel) -> float:
     """Logarithm of the ratio of thigh and shank, beside the default body's; 0 of a body without legs and trunk."""
-    (thigh, shank, _), (thigh_default, shank_default, _) = _lengths(model), _lengths(human_model())
+    (thigh, shank, _), (thigh_default, shank_default, _) = _lengths(model), _default_lengths()
     return float(np.log(thigh / shank * shank_default / thigh_default))
+
+
+@cache
+def _default_lengths() -> np.ndarray:
+    return _lengths(human_model())
 
 
 def _lengths(model: ArticulatedModel) -> np.ndarray:
