@@ -75,9 +75,7 @@ class KeypointsNode(GuardedNode):
         self._options = options
         self._diagnostics = Diagnostics(self, options.name)
         self._mismatches = QosMismatches(self, self._diagnostics)
-        self._sets = NewestSet(
-            self, tuple(options.cameras), options.synchronizer, options.compressed, self._mismatches, options.lossless
-        )
+        self._sets = NewestSet(tuple(options.cameras), options.synchronizer, options.lossless)
         self._points_of = {
             camera: self.create_publisher(
                 Keypoints, f"{camera}/keypoints", **overridable(_POINTS),
@@ -111,7 +109,7 @@ class KeypointsNode(GuardedNode):
         """Sources wait for subscribers: with one that is still loading its networks, a recording would be half over."""
         if self.worker.ready.is_set():
             self._begins.cancel()
-            self._sets.subscribe()
+            self._sets.subscribe(self, self._options.compressed, self._mismatches)
 
     def _take_crops(self, message: Crops) -> None:
         self._crops = stamp_ns_of(message.header.stamp), messages.crops_in(message)

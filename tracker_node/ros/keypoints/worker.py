@@ -158,15 +158,12 @@ class DetectionWorker:
 
 
 class NewestSet:
-    """Subscriptions to ``<cam>/image_raw``, once `subscribe` is called; one thread of the node's own takes.
+    """Image sets of ``<cam>/image_raw``, once `subscribe` is called; one thread of the node's own takes.
 
     Parameters
     ----------
-    node : subscribes.
     cameras : names, in the order of the rig.
     config : how images are matched.
-    compressed : JPEG images instead of raw ones.
-    mismatches : is informed when a publisher offers what we cannot take.
     lossless : older sets wait for their turn, for a source that waits for us.
 
     Attributes
@@ -175,27 +172,29 @@ class NewestSet:
     problems : camera -> why its latest image cannot be used.
     """
 
-    def __init__(
-        self, node: Node, cameras: Sequence[str], config: SynchronizerConfig, compressed: bool, mismatches: QosMismatches,
-        lossless: bool = False,
-    ):  # fmt: skip
-        self._formation = SetFormation(tuple(cameras), config)
+    def __init__(self, cameras: Sequence[str], config: SynchronizerConfig, lossless: bool = False):
+        self._cameras, self._lossless = tuple(cameras), lossless
+        self._formation = SetFormation(self._cameras, config)
         self._condition = threading.Condition()
         self._waiting: deque[ImageSet] = deque(maxlen=_MOST_WAITING if lossless else 1)
         self.formed = self.dropped = 0
         self.problems: dict[str, str] = {}
-        self._node, self._cameras, self._compressed, self._mismatches, self._lossless = (
-            node, cameras, compressed, mismatches, lossless,
-        )  # fmt: skip
 
-    def subscribe(self) -> None:
-        """Ask for images."""
-        kind, topic = (CompressedImage, "image_raw/compressed") if self._compressed else (Image, "image_raw")
+    def subscribe(self, node: Node, compressed: bool, mismatches: QosMismatches) -> None:
+        """Ask for images.
+
+        Parameters
+        ----------
+        node : subscribes.
+        compressed : JPEG images instead of raw ones.
+        mismatches : is informed when a publisher offers what we cannot take.
+        """
+        kind, topic = (CompressedImage, "image_raw/compressed") if compressed else (Image, "image_raw")
         for camera in self._cameras:
             name = f"{camera}/{topic}"
-            self._node.create_subscription(
+            node.create_subscription(
                 kind, name, partial(self._add, camera), **overridable(images_subscribed(self._lossless)),
-                event_callbacks=self._mismatches.of_subscription(camera, name), raw=kind is Image,
+                event_callbacks=mismatches.of_subscription(camera, name), raw=kind is Image,
             )  # fmt: skip
 
     def _add(self, camera: str, data: Any) -> None:
