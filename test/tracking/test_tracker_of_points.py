@@ -141,7 +141,7 @@ def late(i: int, of: int | None) -> ImageSet:
 
 
 def test_points_that_come_late_say_what_they_would_have_said_in_time():
-    """Every third set has points, which come with the set after the next; the sets between are gone through anew."""
+    """Every third set has points, which come with the set after the next; the set between is fitted anew."""
     in_time, made = tracker(true(0)), tracker(true(0))
     for i in range(12):
         there = in_time.step(shot(i) if i % 3 == 0 else late(i, None))

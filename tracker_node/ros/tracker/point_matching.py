@@ -1,7 +1,7 @@
 """Which points of a detector are used with which image set: by their stamps, each once, at once or with the next set.
 
 Points of the images of a set that are there when it is tracked are used with it. Those that come later come with the next one,
-before which theirs and those since are fitted anew (`tracking.keypoints.late`). Everything else is counted by its reason.
+before which theirs and one of those since are fitted anew (`tracking.keypoints.late`). Everything else is counted by its reason.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Image sets that have been tracked, kept for points that a detector finds in them later.
 
 A detector takes longer than the time from one image set to the next, so live its points come when their set has been tracked.
-They are used in that set: what was known before it is known again, and the sets since are fitted anew, a fixed-lag update.
+They are used in that set: what was known before it is known again, and one of the sets since is fitted anew, a fixed-lag update.
 """
 
 from __future__ import annotations
