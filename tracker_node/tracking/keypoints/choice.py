@@ -93,7 +93,7 @@ class PersonChoice(Choice):
         names, rows = self._modality.names, np.arange(len(person.names))
         to = [person.names.index(names[k]) for k in np.flatnonzero(wrong)]
         rows[to] = [person.names.index(names[k]) for k in self._mirrored[wrong]]
-        return rearranged(person, rows)
+        return rearranged(person, rows.tolist())
 
     def _sigma_px(self, i: int, places: np.ndarray, sigma_m: float) -> float:
         """Pixels of a length at the body's distance from a camera."""
