@@ -109,6 +109,7 @@ class KeypointsNode(GuardedNode):
         """Sources wait for subscribers: with one that is still loading its networks, a recording would be half over."""
         if self.worker.ready.is_set():
             self._begins.cancel()
+            self._formed_s = time.monotonic()
             self._sets.subscribe(self, self._options.compressed, self._mismatches)
 
     def _take_crops(self, message: Crops) -> None:
