@@ -124,6 +124,8 @@ class PointNetwork:
 
     def __init__(self, path: str | Path, threads: int = 1):
         self._network = _Network(path, threads)
+        # Compiled before somebody waits for the first image's points
+        read_heat_maps(np.zeros((1, 1, 1), np.float32), np.zeros((1, 2)), np.empty((1, 2)), np.empty((1, 2, 2)), np.empty(1))
 
     def read(self, image: np.ndarray, crop: Crop) -> Person | None:
         """The person in a crop.
