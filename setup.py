@@ -9,6 +9,7 @@ ROOT = Path(__file__).parent
 EXECUTABLES = ["camera_ingest", "keypoints", "pipeline", "player", "recorder", "rectify", "tracker", PACKAGE]
 
 RUNTIME_REQUIREMENTS = [
+    "argcomplete>=3.0",
     "ezc3d>=1.5",
     "jinja2>=3.1",
     "lz4>=4.0",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import pkgutil
 import sys
 from types import ModuleType
@@ -72,6 +73,8 @@ def main(argv: list[str] | None = None) -> int:
     ----------
     argv : the verb and its arguments; None for those of this process, which a signal then ends with status 0 if it is a node.
     """
+    if argv is None and "_ARGCOMPLETE" in os.environ:
+        _complete()
     if argv is not None or not sys.argv[1:] or sys.argv[1] not in NODES:
         return _guarded(list(sys.argv[1:] if argv is None else argv))
     from ..ros.ending import Ending, end_now
@@ -82,6 +85,21 @@ def main(argv: list[str] | None = None) -> int:
         if ending.hurried.is_set():
             end_now(status)
     return status
+
+
+def _complete() -> None:
+    """Answer a shell that asks, by the script of the verb ``completion``, what may follow; ends the process."""
+    import argcomplete
+
+    parser = argparse.ArgumentParser("tracker_node")
+    parser.add_argument("--version", action="store_true")
+    places, written = parser.add_subparsers(), os.environ.get("COMP_LINE", "").split()
+    for verb in verbs():
+        module = importlib.import_module(module_of(verb))
+        parser_of_verb = places.add_parser(verb, help=module.SUMMARY)
+        if verb in written:  # arguments of all would take a second
+            module.add_arguments(parser_of_verb)
+    argcomplete.autocomplete(parser)
 
 
 def _guarded(argv: list[str]) -> int:
