@@ -99,7 +99,7 @@ def track(folder: Path, n: int) -> None:
     """Track the recording as `track` does."""
     model = load_model(folder / "person.yaml")
     files = {"rig": str(folder / "rig.yaml"), "model": str(folder / "person.yaml")}
-    run = OfflineRun(load_rig(files["rig"]), model, initial_state=load_state(folder / "state.yaml", model), named_options=files)
+    run = OfflineRun(load_rig(files["rig"]), model, initial_state=load_state(folder / "state.yaml", model), asked=files)
 
     def tell(done: int, expected: int | None, estimate: object) -> None:
         if done % 50 == 0:

@@ -175,7 +175,7 @@ def test_a_recorded_run_is_made_again_set_by_set(clip: Clip, tmp_path: Path) -> 
 
 def test_a_loop_is_made_again_pass_by_pass(clip: Clip, tmp_path: Path) -> None:
     """Stamps that come again: the tracker begins anew, as the node does."""
-    run_offline(offline_run(clip, source_options=SourceOptions(base_stamp_ns=BASE_NS)), tmp_path / "once")
+    run_offline(offline_run(clip, images=SourceOptions(base_stamp_ns=BASE_NS)), tmp_path / "once")
     single = image_bag(clip, tmp_path / "single", with_states_of=tmp_path / "once/bag")
     with BagReader(single) as reader, BagWriter(tmp_path / "twice") as writer:
         for turn in range(2):
@@ -190,12 +190,12 @@ def test_a_loop_is_made_again_pass_by_pass(clip: Clip, tmp_path: Path) -> None:
 
 def test_a_run_without_images_is_made_again_from_the_sources(clip: Clip, tmp_path: Path) -> None:
     options = SourceOptions(base_stamp_ns=BASE_NS, start=2)
-    run_offline(offline_run(clip, source_options=options), tmp_path / "first")
-    again = offline_run(clip, bag=tmp_path / "first/bag", from_run=True, source_options=SourceOptions(start=2))
+    run_offline(offline_run(clip, images=options), tmp_path / "first")
+    again = offline_run(clip, bag=tmp_path / "first/bag", from_run=True, images=SourceOptions(start=2))
     summary = run_offline(again, tmp_path / "second")
     assert (summary["errors"], summary["image_sets"]) == ([], N_IMAGES - 2)
     assert (tmp_path / "second/states.csv").read_bytes() == (tmp_path / "first/states.csv").read_bytes()
-    wrong = replace(again, source_options=SourceOptions(rate_hz=25.0))
+    wrong = replace(again, images=SourceOptions(rate_hz=25.0))
     with pytest.raises(SourceError, match="not those of the rig's sources"):
         run_offline(wrong, tmp_path / "third")
 
@@ -273,7 +273,7 @@ def test_a_bag_cut_in_the_middle_is_tracked_as_far_as_it_goes(clip: Clip, finish
 
 def test_missing_images_of_a_recorded_run_are_reported(clip: Clip, finished: tuple[Path, dict], tmp_path: Path) -> None:
     options = SourceOptions(base_stamp_ns=BASE_NS)
-    run_offline(offline_run(clip, source_options=options), tmp_path / "first")
+    run_offline(offline_run(clip, images=options), tmp_path / "first")
     full = image_bag(clip, tmp_path / "full", with_states_of=tmp_path / "first/bag")
     with BagReader(full) as reader, BagWriter(tmp_path / "holes") as writer:
         for number, message in enumerate(reader.messages()):

@@ -55,20 +55,7 @@ def track(recording: Recording | str | Path, output: str | Path | None = None, p
 
 def _tracked(recording: Recording, output: Path, progress: Progress | None) -> Run:
     problems: list[str] = []
-    what = OfflineRun(
-        rig=recording.rig,
-        model=recording.model,
-        config=recording.config,
-        initial_state=recording.initial_state,
-        occluders=recording.occluders,
-        source_options=recording.images,
-        detection=recording.detection,
-        points=recording.points,
-        person=recording.person,
-        masks=recording.masks,
-        masked_images=recording.masked_images,
-        named_options=recording.named_options(),
-    )
+    what = OfflineRun(**vars(recording), asked=recording.named_options())
     summary = run_offline(what, output, progress, problems.append)
     for sentence in dict.fromkeys([*problems, *summary["errors"]]):
         warnings.warn(sentence, stacklevel=3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..camera.rig import CameraRig
-from ..errors import TrackerError
+from ..errors import TrackerError, without_password
 from ..loaders.bag.message_types import KEYPOINTS as KEYPOINTS_MESSAGE
 from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
@@ -38,24 +38,29 @@ Progress = Callable[[int, int | None, TrackEstimate], None]
 
 
 @dataclass(frozen=True, eq=False)
-class OfflineRun:
-    """What to track.
+class Recording:
+    """What `track` needs.
 
     Parameters
     ----------
-    rig, model, config, initial_state, occluders : as for `tracking.tracker.Tracker`.
-    bag : take the images from this bag instead of the rig's sources.
-    from_run : use exactly the image sets that the states in ``bag`` were made from; their images come from the bag, or from
-        the rig's sources if the bag holds none.
-    source_options : which images of the rig's sources.
-    max_sets : stop after so many sets.
-    smooth_s : smooth the states with so many seconds of what came after them; infinite: with all of it; None: not at all.
-    detection : how people are found, where `keypoints` is among the modalities.
+    rig : cameras with their lenses, places and sources (videos, image folders, bags).
+    model : body to track.
+    config : parameters of the tracker.
+    initial_state : where the body is in the first images; None: it is searched for in them.
+    occluders : fixed things that may hide the body, in world axes.
+    images : which images of the sources, at which rate and size.
+    detection : how people are found in the images, where `keypoints` is among the modalities.
     points : files with the points of another detector, in whose place; None: none.
-    table : what the points in a bag are on the body; None: those of BlazePose.
-    person : (3,) meters, world: of several people, the one there is tracked; None: the one nearest to where the cameras look.
-    masks, masked_images : record the model's silhouettes, and the images as seen through them.
-    named_options : what the user gave, for ``run.json``.
+    person : (3,) meters, world: of several people, the one there; None: the one nearest to where the cameras look.
+    masks : record the body's silhouette in every camera, too.
+    masked_images : record the images where the body is, the rest black, too.
+    output : folder that ``recording.yaml`` names; None: none.
+    files : name -> path of the files that the recording was read from, for ``run.json``.
+
+    Examples
+    --------
+    >>> rig, model = load_rig("rig.yaml"), load_model("person.yaml")  # doctest: +SKIP
+    >>> recording = Recording(rig, model, initial_state=load_state("start.yaml", model))  # doctest: +SKIP
     """
 
     rig: CameraRig
@@ -63,18 +68,69 @@ class OfflineRun:
     config: TrackerConfig = field(default_factory=TrackerConfig)
     initial_state: State | None = None
     occluders: ArticulatedModel | None = None
-    bag: Path | None = None
-    from_run: bool = False
-    source_options: SourceOptions = field(default_factory=SourceOptions)
-    max_sets: int | None = None
-    smooth_s: float | None = None
+    images: SourceOptions = field(default_factory=SourceOptions)
     detection: DetectionOptions = field(default_factory=DetectionOptions)
     points: PointFiles | None = None
-    table: KeypointTable | None = None
     person: np.ndarray | None = None
     masks: bool = False
     masked_images: bool = False
-    named_options: dict[str, Any] = field(default_factory=dict)
+    output: Path | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    def image_sets(self) -> ImageSetStream:
+        """The image sets of the sources, in the order of their stamps; iterate over them once.
+
+        Raises
+        ------
+        SourceError : not a single source can be opened.
+        """
+        return SourceStream(self.rig, self.config.synchronizer, self.images)
+
+    def named_options(self) -> dict[str, Any]:
+        """Content of ``options`` in ``run.json``, by the names that the command line uses."""
+        size = self.images.size
+        return {
+            **dict(self.files),
+            "cameras": list(self.rig.names),
+            "source": [[camera.name, without_password(camera.source)] for camera in self.rig if camera.source],
+            "start": self.images.start,
+            "end": self.images.end,
+            "rate": self.images.rate_hz,
+            "resize": None if size is None else list(size),
+            "shrink": self.images.shrink,
+            "base_stamp_ns": self.images.base_stamp_ns,
+            "keypoints_weights": None if self.detection.weights is None else str(self.detection.weights),
+            "keypoints_every": self.detection.every_sets,
+            "keypoints": None if self.points is None else str(self.points.path.resolve()),
+            "keypoints_table": None if self.points is None or self.points.table is None else str(self.points.table.resolve()),
+            "keypoints_first": 0 if self.points is None else self.points.first,
+            "person": None if self.person is None else list(map(float, self.person)),
+            "masks": self.masks,
+            "masked_images": self.masked_images,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class OfflineRun(Recording):
+    """A recording, and what is asked of the run.
+
+    Parameters
+    ----------
+    bag : take the images from this bag instead of the rig's sources.
+    from_run : use exactly the image sets that the states in ``bag`` were made from; their images come from the bag, or from
+        the rig's sources if the bag holds none.
+    max_sets : stop after so many sets.
+    smooth_s : smooth the states with so many seconds of what came after them; infinite: with all of it; None: not at all.
+    table : what the points in a bag are on the body; None: those of BlazePose.
+    asked : what the user gave, for ``run.json``.
+    """
+
+    bag: Path | None = None
+    from_run: bool = False
+    max_sets: int | None = None
+    smooth_s: float | None = None
+    table: KeypointTable | None = None
+    asked: Mapping[str, Any] = field(default_factory=dict)
 
 
 def run_offline(
@@ -141,10 +197,10 @@ def run_offline(
 def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, ImageSetStream]:
     """The rig for the images, and the image sets."""
     if reader is None:
-        stream = SourceStream(run.rig, run.config.synchronizer, run.source_options)
-        return resampled_rig(run.rig, run.source_options), stream
+        stream = SourceStream(run.rig, run.config.synchronizer, run.images)
+        return resampled_rig(run.rig, run.images), stream
     if run.from_run:
-        return run_stream(run.rig, reader, run_info(reader.path), run.source_options)
+        return run_stream(run.rig, reader, run_info(reader.path), run.images)
     rig = rig_of_bag(run.rig, reader)
     return rig, BagStream(rig, run.config.synchronizer, reader, with_points=KEYPOINTS in run.config.modalities)
 
@@ -245,7 +301,7 @@ def _summary(
 ) -> dict[str, Any]:
     summary: dict[str, Any] = {
         **counted_sets(record.status),
-        **asked_of_run(run.named_options, run.config, stream.n_expected),
+        **asked_of_run(run.asked, run.config, stream.n_expected),
         "ms_per_set": _percentiles(record.total_ms),
         "iterations": {"mean": _mean(record.iterations), "max": max(record.iterations, default=0)},
         "residual": _percentiles(record.residual),

@@ -44,7 +44,7 @@ class NotAsked:
 def tracked(clip: Clip, output: Path, **changes: Any) -> dict[str, Any]:
     given = {
         "rig": load_rig(clip.rig_file), "model": clip.model, "config": load_config(clip.config_file),
-        "initial_state": clip.states[0], "named_options": {"rig": str(clip.rig_file)},
+        "initial_state": clip.states[0], "asked": {"rig": str(clip.rig_file)},
     }  # fmt: skip
     return run_offline(OfflineRun(**{**given, **changes}), output)
 

@@ -87,7 +87,7 @@ def test_a_person_by_the_points_of_a_project_of_pose2sim(clip: Clip, tmp_path: P
 def test_points_alone_on_smaller_images(clip: Clip, tmp_path: Path) -> None:
     """Points in pixels of the files are brought to the pixels of the images that are tracked."""
     options = SourceOptions(shrink=2)
-    run_offline(run_of(clip, config=POINTS_ALONE, source_options=options), tmp_path / "run")
+    run_offline(run_of(clip, config=POINTS_ALONE, images=options), tmp_path / "run")
     assert errors_m(clip, tmp_path / "run").mean() < 0.05
 
 
