@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 from scipy.spatial import cKDTree
 
 from ...geometry import se3
-from ...model.articulated import ArticulatedModel, Shape
+from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...model.shapes.primitives import Ellipsoid, Mesh
+from ...render.opengl.tessellation import tessellate
 
-_N_AROUND, _N_ALONG = 64, 48  # facets of an ellipsoid
 _N_CANDIDATES = 8  # faces with the nearest centers, among which the nearest face is searched
 
 
@@ -30,7 +30,7 @@ class SurfaceDistance:
 def segment_distances(one: ArticulatedModel, other: ArticulatedModel) -> tuple[SurfaceDistance, ...]:
     """Whole surfaces of shapes of one name, the parts within neighbors included; in the order of ``one``.
 
-    Means are weighted by area. Shapes are ellipsoids and meshes.
+    Means are weighted by area.
 
     Parameters
     ----------
@@ -94,8 +94,10 @@ def point_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     (n,) in the unit of the points.
     """
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(_N_CANDIDATES, len(corners)))
-    triangles = corners[near.reshape(len(points), -1)]  # (n, k, 3, 3)
-    return np.sqrt(_squared_distances(points[:, None], triangles).min(axis=1))
+    near = near.reshape(len(points), -1)
+    repeated = np.repeat(points, near.shape[1], axis=0)
+    off = trimesh.triangles.closest_point(corners[near.ravel()], repeated) - repeated
+    return np.linalg.norm(off, axis=1).reshape(near.shape).min(axis=1)
 
 
 def _mean_and_max(surface: np.ndarray, other: np.ndarray) -> tuple[float, float]:
@@ -104,47 +106,10 @@ def _mean_and_max(surface: np.ndarray, other: np.ndarray) -> tuple[float, float]
     return float(areas @ distances / areas.sum()), float(distances.max())
 
 
-def _squared_distances(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n, k) squared distances of points (n, 1, 3) to triangles (n, k, 3, 3): to the plane or, beside a triangle, its edges."""
-    a, b, c = triangles[..., 0, :], triangles[..., 1, :], triangles[..., 2, :]
-    normal = np.cross(b - a, c - a)
-    area2 = np.maximum(np.sum(normal**2, axis=-1), 1e-30)
-    best = np.full(triangles.shape[:2], np.inf)
-    inside = np.ones(triangles.shape[:2], dtype=bool)
-    for start, end in ((a, b), (b, c), (c, a)):
-        edge, offset = end - start, points - start
-        along = np.sum(edge * offset, axis=-1) / np.maximum(np.sum(edge**2, axis=-1), 1e-30)
-        foot = start + np.clip(along, 0.0, 1.0)[..., None] * edge
-        best = np.minimum(best, np.sum((points - foot) ** 2, axis=-1))
-        inside &= np.sum(np.cross(edge, offset) * normal, axis=-1) >= 0.0
-    height = np.sum((points - a) * normal, axis=-1) ** 2 / area2
-    return np.where(inside, height, best)
-
-
 def _surfaces(model: ArticulatedModel) -> dict[str, np.ndarray]:
     """Name of a shape -> its triangles (m, 3, 3) in the root's frame."""
-    Ts = Configuration(model, State.neutral(model)).Ts_world_shape
-    return {
-        shape.name: se3.apply(T, _triangles(shape).reshape(-1, 3)).reshape(-1, 3, 3)
-        for shape, T in zip(model.shapes, Ts, strict=True)
-    }
-
-
-def _triangles(shape: Shape) -> np.ndarray:
-    if isinstance(shape.primitive, Mesh):
-        return shape.primitive.vertices[shape.primitive.faces]
-    if isinstance(shape.primitive, Ellipsoid):
-        return _sphere_triangles() * shape.primitive.radii
-    raise ValueError(f"shape '{shape.name}': expected an ellipsoid or a mesh, got {type(shape.primitive).__name__}")
-
-
-def _sphere_triangles() -> np.ndarray:
-    """(m, 3, 3) of a unit sphere, between circles of latitude."""
-    latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _N_ALONG + 1)
-    longitude = np.linspace(0.0, 2.0 * np.pi, _N_AROUND + 1)
-    ring = np.stack([np.cos(longitude), np.sin(longitude), np.zeros_like(longitude)], axis=-1)
-    grid = np.cos(latitude)[:, None, None] * ring + np.sin(latitude)[:, None, None] * np.array([0.0, 0.0, 1.0])
-    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
-    lower = np.stack([a, b, c], axis=2)[1:].reshape(-1, 3, 3)  # those at the south pole have no area
-    upper = np.stack([a, c, d], axis=2)[:-1].reshape(-1, 3, 3)
-    return np.concatenate([lower, upper])
+    found = {}
+    for shape, T in zip(model.shapes, Configuration(model, State.neutral(model)).Ts_world_shape, strict=True):
+        patches = tessellate(shape.primitive, shape.color_rgb)
+        found[shape.name] = np.concatenate([se3.apply(T, patch.vertices)[patch.faces] for patch in patches])
+    return found
