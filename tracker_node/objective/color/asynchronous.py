@@ -7,61 +7,63 @@ velocity is given, from the prediction or from the images before and after; it i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
-from ...parallel import Workers
 from ..normal_equations import LeastSquaresObjective, NormalEquations
 from .alignment import PhotometricObjective, PhotometricOptions
 from .score import ColorObjective, ColorOptions, ColorScore, Outcome
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """The cameras, by their index in the rig, that expose ``late_s`` seconds late."""
-
-    late_s: float
-    cameras: list[int]
-    objective: ColorObjective
+T = TypeVar("T", ColorObjective, PhotometricObjective)
 
 
-class AsynchronousObjective:
-    """The `ColorObjective` of a rig whose cameras expose ``late_s`` (n_cameras,) seconds after the state that is scored.
+class _Delayed(Generic[T]):
+    """Objectives of the cameras that expose equally late, seconds, with their indices in the rig.
 
     ``velocity`` (n_dof,), in the state's tangent per second, may be set at any time; None: the body rests.
     """
 
-    def __init__(
-        self,
-        model: ArticulatedModel,
-        rig: CameraRig,
-        late_s: Sequence[float],
-        options: ColorOptions | None = None,
-        colors_rgb: np.ndarray | None = None,
-        workers: Workers | None = None,
-    ):
-        self.model, self.rig, self.options = model, rig, options or ColorOptions()
+    def __init__(self, rig: CameraRig, late_s: Sequence[float], make: Callable[[CameraRig, list[int]], T]):
+        if len(late_s) != len(rig):
+            raise ValueError(f"expected {len(rig)} delays, one of each camera, got {len(late_s)}")
         self.velocity: np.ndarray | None = None
-        each = replace(self.options, min_pixels=1)  # how many are too few is a matter of all cameras together
-        self._parts: list[_Part] = []
-        for late, cameras in _cameras_by_delay(rig, late_s).items():
-            subset = rig.subset([rig.names[i] for i in cameras])
-            colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
-            self._parts.append(_Part(late, cameras, ColorObjective(model, subset, each, colors, workers)))
+        self._parts: list[tuple[float, list[int], T]] = []
+        for late in sorted(set(late_s)):
+            cameras = [i for i, value in enumerate(late_s) if value == late]
+            self._parts.append((late, cameras, make(rig.subset([rig.names[i] for i in cameras]), cameras)))
 
     def set_images(self, images: Sequence[np.ndarray | None]) -> None:
         """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
-        for part in self._parts:
-            part.objective.set_images([images[i] for i in part.cameras])
+        for _, cameras, objective in self._parts:
+            objective.set_images([images[i] for i in cameras])
 
-    def _state_seen(self, state: State, late_s: float) -> State:
-        """Where the body is ``late_s`` after ``state``."""
-        return state if self.velocity is None else state.retract(late_s * self.velocity)
+
+def _seen(state: State, late_s: float, velocity: np.ndarray | None) -> State:
+    """Where the body is ``late_s`` after ``state``."""
+    return state if velocity is None else state.retract(late_s * velocity)
+
+
+def _of(colors_rgb: np.ndarray | None, cameras: list[int]) -> np.ndarray | None:
+    return None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
+
+
+class AsynchronousObjective(_Delayed[ColorObjective]):
+    """The `ColorObjective` of a rig whose cameras expose ``late_s`` (n_cameras,) seconds after the state that is scored."""
+
+    def __init__(
+        self, model: ArticulatedModel, rig: CameraRig, late_s: Sequence[float], options: ColorOptions | None = None,
+        colors_rgb: np.ndarray | None = None,
+    ):  # fmt: skip
+        self.rig, self.options = rig, options or ColorOptions()
+        each = replace(self.options, min_pixels=1)  # how many are too few is a matter of all cameras together
+        super().__init__(rig, late_s, lambda some, cameras: ColorObjective(model, some, each, _of(colors_rgb, cameras)))
 
     def evaluate(self, state: State) -> ColorScore:
         """The score of one state, camera by camera."""
@@ -70,9 +72,9 @@ class AsynchronousObjective:
     def _evaluate(self, state: State, row_step: int) -> ColorScore:
         camera_rms, pixels = np.full(len(self.rig), np.nan), np.zeros(len(self.rig), dtype=np.int64)
         outcome = Outcome.SCORED
-        for part in self._parts:
-            score = part.objective.at_row_step(row_step).evaluate(self._state_seen(state, part.late_s))
-            camera_rms[part.cameras], pixels[part.cameras] = score.camera_rms, score.camera_pixels
+        for late_s, cameras, objective in self._parts:
+            score = objective.at_row_step(row_step).evaluate(_seen(state, late_s, self.velocity))
+            camera_rms[cameras], pixels[cameras] = score.camera_rms, score.camera_pixels
             if score.outcome == Outcome.BEHIND_CAMERA:
                 outcome = score.outcome
         total = int(pixels.sum())
@@ -96,13 +98,6 @@ class AsynchronousObjective:
         return self if row_step == self.options.row_step else _Decimated(self, row_step)
 
 
-def _cameras_by_delay(rig: CameraRig, late_s: Sequence[float]) -> dict[float, list[int]]:
-    """Indices of the cameras of every delay, seconds, in rising order."""
-    if len(late_s) != len(rig):
-        raise ValueError(f"expected {len(rig)} delays, one of each camera, got {len(late_s)}")
-    return {late: [i for i, value in enumerate(late_s) if value == late] for late in sorted(set(late_s))}
-
-
 @dataclass(frozen=True)
 class _Decimated:
     """A `AsynchronousObjective` on every n-th row."""
@@ -120,40 +115,24 @@ class _Decimated:
         return self.whole.at_row_step(row_step)
 
 
-class AsynchronousPhotometricObjective:
+class AsynchronousPhotometricObjective(_Delayed[PhotometricObjective]):
     """The `PhotometricObjective` of a rig whose cameras expose ``late_s`` (n_cameras,) seconds after the state.
 
-    ``velocity`` (n_dof,), in the state's tangent per second, may be set at any time; None: the body rests. How the velocity's own
-    direction turns with the state is left out of the derivatives: in a few milliseconds that is nothing.
+    How the velocity's own direction turns with the state is left out of the derivatives: in a few milliseconds that is nothing.
     """
 
     def __init__(
-        self,
-        model: ArticulatedModel,
-        rig: CameraRig,
-        late_s: Sequence[float],
-        options: PhotometricOptions | None = None,
+        self, model: ArticulatedModel, rig: CameraRig, late_s: Sequence[float], options: PhotometricOptions | None = None,
         colors_rgb: np.ndarray | None = None,
-        workers: Workers | None = None,
-    ):
-        self.velocity: np.ndarray | None = None
+    ):  # fmt: skip
         options = options or PhotometricOptions()
         self._min_pixels, self._n_dof = options.min_pixels, model.n_dof
         each = replace(options, min_pixels=1)  # how many are too few is a matter of all cameras together
-        self._parts: list[tuple[float, list[int], PhotometricObjective]] = []
-        for late, cameras in _cameras_by_delay(rig, late_s).items():
-            subset = rig.subset([rig.names[i] for i in cameras])
-            colors = None if colors_rgb is None else np.asarray(colors_rgb)[cameras]
-            self._parts.append((late, cameras, PhotometricObjective(model, subset, each, colors, workers)))
+        super().__init__(rig, late_s, lambda some, cameras: PhotometricObjective(model, some, each, _of(colors_rgb, cameras)))
 
     @property
     def n_levels(self) -> int:
         return self._parts[0][2].n_levels
-
-    def set_images(self, images: Sequence[np.ndarray | None]) -> None:
-        """BGR images (h, w, 3) uint8 in the order of the rig; None for a camera that gave none."""
-        for _, cameras, objective in self._parts:
-            objective.set_images([images[i] for i in cameras])
 
     def at_level(self, level: int) -> _Level:
         """The least-squares problem on one level; 0 is the finest."""
@@ -180,7 +159,7 @@ class _Level:
         """Sums over the parts that show the body; too little of it in all of them costs infinity."""
         H, g, cost, count = np.zeros((self._n_dof, self._n_dof)), np.zeros(self._n_dof), 0.0, 0
         for i, (late, objective) in enumerate(self._parts):
-            part = objective.linearize(state if self._velocity is None else state.retract(late * self._velocity))
+            part = objective.linearize(_seen(state, late, self._velocity))
             if part.count == 0:
                 continue
             self._first[i] = self._first[i] or part.count
