@@ -21,7 +21,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.humans.measures import known_landmarks, mirrored_name
 from ..model.scaling import LinkScale, scaled_by_link, scaled_uniformly, with_landmarks
-from .pose import PoseOptions, fit_state_to_landmarks
+from .pose import fit_state_to_landmarks
 
 SIDES = ("left", "right")
 _BESIDE_JOINTS = 0.02  # weight of a landmark that is no joint of a measured length
@@ -208,16 +208,14 @@ def _of_joints(model: ArticulatedModel) -> dict[str, float]:
 
 
 def pose_trial(
-    model: ArticulatedModel, markers: MarkerTrajectories, options: PoseOptions | None = None,
-    weights: Mapping[str, float] | None = None,
-) -> list[State]:  # fmt: skip
+    model: ArticulatedModel, markers: MarkerTrajectories, weights: Mapping[str, float] | None = None
+) -> list[State]:
     """Fit the body to every row of a trial, each from the row before.
 
     Parameters
     ----------
     model : the body.
     markers : trajectories, meters in the world.
-    options : of the inverse kinematics.
     weights : by landmark; None: all count alike.
 
     Returns
@@ -235,7 +233,7 @@ def pose_trial(
             raise TrackerError(
                 f"row {row + 1}: expected at least 3 markers that are landmarks of '{model.name}', got {len(targets)}"
             )
-        states.append(fit_state_to_landmarks(model, targets, states[-1] if states else None, weights, options).state)
+        states.append(fit_state_to_landmarks(model, targets, states[-1] if states else None, weights).state)
     return states
 
 
@@ -315,24 +313,14 @@ def place_by_states(
     return place_landmarks(model, states, [targets_of(model, markers, row) for row in nearest], options)
 
 
-def robust_mean(values: np.ndarray, cut: float = 3.5) -> np.ndarray:
-    """Mean of the rows that are no outliers.
-
-    Parameters
-    ----------
-    values : (n, ...).
-    cut : rows within so many robust standard deviations of the median are used.
-
-    Returns
-    -------
-    (...) mean over the first axis.
-    """
+def robust_mean(values: np.ndarray) -> np.ndarray:
+    """Mean (...) of those rows of (n, ...) that are within 3.5 robust standard deviations of the median."""
     values = np.asarray(values, dtype=np.float64)
     distance = np.abs(values - np.median(values, axis=0))
     if values.ndim > 1:
         distance = np.linalg.norm(distance.reshape(len(values), -1), axis=1)
     spread = 1.4826 * np.median(distance)
-    return values[distance <= cut * spread + 1e-12].mean(axis=0)
+    return values[distance <= 3.5 * spread + 1e-12].mean(axis=0)
 
 
 def _offsets(model: ArticulatedModel, state: State, targets: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -75,7 +75,7 @@ def track(show: Callable[[int], None], n_images: int, start: State, fit: Callabl
     for image in range(n_images):
         show(image)
         found.append(fit(found[-1].state if found else start))
-    return _sequence(found)
+    return sequence_of(found)
 
 
 def fit_each(show: Callable[[int], None], starts: Sequence[State], fit: Callable[[State], FitResult]) -> TrackedSequence:
@@ -95,10 +95,11 @@ def fit_each(show: Callable[[int], None], starts: Sequence[State], fit: Callable
     for image, start in enumerate(starts):
         show(image)
         found.append(fit(start))
-    return _sequence(found)
+    return sequence_of(found)
 
 
-def _sequence(found: Sequence[FitResult]) -> TrackedSequence:
+def sequence_of(found: Sequence[FitResult]) -> TrackedSequence:
+    """The fits of a sequence, one for each image set."""
     return TrackedSequence(tuple(each.state for each in found), np.array([each.evaluations for each in found]))
 
 

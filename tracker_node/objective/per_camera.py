@@ -97,6 +97,9 @@ def cameras_by_body(cameras: Sequence[int], bodies: Sequence[Configuration]) -> 
     return list(groups.values())
 
 
+_OUTWARD_PX = 3.0  # how far beyond a contour it is decided what lies there
+
+
 @dataclass(frozen=True, eq=False)
 class SeenSamples:
     """n samples, those of one shape together: ``rows`` (n, 12) as in `generators`, ``pixels`` (n, 11) and ``info`` (n, 4) as
@@ -108,7 +111,7 @@ class SeenSamples:
 
 
 def samples_seen(
-    configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int, outward_px: float = 3.0
+    configuration: Configuration, arrays: ShapeArrays, camera: Camera, n_samples: int
 ) -> SeenSamples:
     """All contour samples that a camera sees.
 
@@ -117,7 +120,6 @@ def samples_seen(
     configuration, arrays : the body in its state, and its shapes.
     camera : that sees it.
     n_samples : on a generator line.
-    outward_px : how far beyond a contour it is decided what lies there.
 
     Returns
     -------
@@ -130,5 +132,5 @@ def samples_seen(
     rows, pixels = np.empty((most, N_COLUMNS)), np.empty((most, cs.N_PIXEL_COLUMNS))
     info = np.empty((most, cs.N_INFO_COLUMNS), dtype=np.int32)
     place = camera_constants(camera)
-    n = cs.collect_samples(arrays.packed, Ts, spheres, place, n_samples, outward_px, rows, pixels, info)
+    n = cs.collect_samples(arrays.packed, Ts, spheres, place, n_samples, _OUTWARD_PX, rows, pixels, info)
     return SeenSamples(rows[:n], pixels[:n], info[:n])

@@ -13,10 +13,11 @@ import numpy as np
 from ...errors import CalibrationError
 from ...model.configuration import State, from_variables, to_variables
 from ...objective.color.score import ColorObjective
-from ..rigid_tracking import FitResult, TrackedSequence
+from ..rigid_tracking import FitResult, TrackedSequence, sequence_of
 
 Show = Callable[[int, np.ndarray | None], None]
 """Hands image set i, and the body's velocity (n_dof,) per second where it is known, to the objective."""
+_STEP_S, _STEPS = 0.001, 12  # between the delays that are tried, and to either side
 _NEAR = 4  # steps to either side of the lowest score through which the parabola is laid
 
 
@@ -45,7 +46,7 @@ def track_video(
         show(image, states[1].difference(states[0]) / period_s if len(states) == 2 else None)
         found.append(fit(extrapolated(states) if states else start))
         done(image)
-    return _sequence(found)
+    return sequence_of(found)
 
 
 def refine_video(show: Show, states: Sequence[State], fit: Callable[[State], FitResult], period_s: float) -> TrackedSequence:
@@ -66,7 +67,7 @@ def refine_video(show: Show, states: Sequence[State], fit: Callable[[State], Fit
     for image, velocity in enumerate(velocities(states, period_s)):
         show(image, velocity)
         found.append(fit(states[image]))
-    return _sequence(found)
+    return sequence_of(found)
 
 
 def extrapolated(states: Sequence[State]) -> State:
@@ -97,14 +98,9 @@ def velocities(states: Sequence[State], period_s: float) -> list[np.ndarray]:
     return result
 
 
-def _sequence(found: Sequence[FitResult]) -> TrackedSequence:
-    return TrackedSequence(tuple(each.state for each in found), np.array([each.evaluations for each in found]))
-
-
 def estimate_delay(
-    objective: ColorObjective, show: Callable[[int], None], states: Sequence[State], period_s: float,
-    longest_s: float = 0.012, step_s: float = 0.001,
-) -> float:  # fmt: skip
+    objective: ColorObjective, show: Callable[[int], None], states: Sequence[State], period_s: float
+) -> float:
     """How much later a camera exposes than the images that the states come from.
 
     Parameters
@@ -113,8 +109,6 @@ def estimate_delay(
     show : hands its image of image set i to the objective.
     states : the body at every image set, estimated without this camera.
     period_s : time between image sets.
-    longest_s : largest delay that is tried.
-    step_s : between delays.
 
     Returns
     -------
@@ -122,10 +116,9 @@ def estimate_delay(
 
     Raises
     ------
-    CalibrationError : the best delay lies at or beyond ``longest_s``.
+    CalibrationError : the best delay lies at or beyond the largest that is tried.
     """
-    n = round(longest_s / step_s)
-    delays = step_s * np.arange(-n, n + 1)
+    delays = _STEP_S * np.arange(-_STEPS, _STEPS + 1)
     squares, pixels = np.zeros(len(delays)), np.zeros(len(delays))
     for image, (state, velocity) in enumerate(zip(states, velocities(states, period_s), strict=True)):
         show(image)
@@ -137,8 +130,8 @@ def estimate_delay(
     mean = squares / np.maximum(pixels, 1.0)
     lowest = int(np.argmin(np.where(pixels > 0, mean, np.inf)))
     if lowest in (0, len(delays) - 1):
-        name = objective.rig.names[0]
-        raise CalibrationError(name, f"its delay is not within {1e3 * longest_s:g} ms of the other cameras, or nothing moves")
+        within = f"{1e3 * _STEP_S * _STEPS:g} ms of the other cameras"
+        raise CalibrationError(objective.rig.names[0], f"its delay is not within {within}, or nothing moves")
     near = slice(max(lowest - _NEAR, 0), lowest + _NEAR + 1)
-    a, b, _ = np.polyfit(delays[near] / step_s, mean[near], 2)
-    return float(-0.5 * b / a * step_s)
+    a, b, _ = np.polyfit(delays[near] / _STEP_S, mean[near], 2)
+    return float(-0.5 * b / a * _STEP_S)

@@ -20,7 +20,6 @@ from ..normal_equations import LeastSquaresObjective, NormalEquations
 from .alignment import PhotometricObjective, PhotometricOptions
 from .score import ColorObjective, ColorOptions, ColorScore, Outcome
 
-
 T = TypeVar("T", ColorObjective, PhotometricObjective)
 
 
