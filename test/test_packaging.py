@@ -104,8 +104,8 @@ def test_executables_are_in_the_tree_and_compile(repository: Path) -> None:
 def test_executables_call_what_the_command_line_offers(repository: Path) -> None:
     main = pytest.importorskip("tracker_node.cli.main")
     for name in EXECUTABLES - {"tracker_node"}:
-        assert callable(getattr(main, name)), name
-    assert callable(main.main)
+        assert name in main.NODES and f'node("{name}")' in (repository / "resource/executables" / name).read_text(), name
+    assert callable(main.node) and callable(main.main)
 
 
 def test_installation_has_what_ros2_run_looks_for() -> None:

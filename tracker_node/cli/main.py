@@ -185,37 +185,10 @@ def _run(verb: str, rest: list[str]) -> int:
     return EX_USAGE
 
 
-def _node(verb: str) -> int:
+def node(verb: str) -> int:
+    """Run a node as ``ros2 run`` does: with the arguments of this process as its own."""
     sys.argv.insert(1, verb)
     return main()
-
-
-def camera_ingest() -> int:
-    return _node("camera_ingest")
-
-
-def keypoints() -> int:
-    return _node("keypoints")
-
-
-def tracker() -> int:
-    return _node("tracker")
-
-
-def recorder() -> int:
-    return _node("recorder")
-
-
-def player() -> int:
-    return _node("player")
-
-
-def pipeline() -> int:
-    return _node("pipeline")
-
-
-def rectify() -> int:
-    return _node("rectify")
 
 
 if __name__ == "__main__":
