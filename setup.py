@@ -11,6 +11,7 @@ EXECUTABLES = ["camera_ingest", "keypoints", "pipeline", "player", "recorder", "
 RUNTIME_REQUIREMENTS = [
     "argcomplete>=3.0",
     "ezc3d>=1.5",
+    "fpdf2>=2.8",
     "jinja2>=3.1",
     "lz4>=4.0",
     "mannequin-x>=0.3",

@@ -2,24 +2,46 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from pathlib import Path
-from types import TracebackType
 
 import cv2
+import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_pdf import PdfPages
+from fpdf import FPDF, FontFace
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from . import charts as plots
-from .document import BLACK, BLUE, GRAY, GREEN, ORANGE, RED, Block, Cell, Curves, Document, Pictures, Table
-from .print_layout import MARGIN_IN, PAGE_IN, SMALLEST, WIDTH_IN, TablePart, table_parts, wrapped
+from .document import (
+    BLACK,
+    BLUE,
+    GRAY,
+    GREEN,
+    ORANGE,
+    RED,
+    Block,
+    Cell,
+    Column,
+    Curves,
+    Document,
+    Pictures,
+    Table,
+    Value,
+    cell_text,
+)
 
-_ROW_IN = 0.152
+_MARGIN_IN, WIDTH_IN = 0.6, 7.06
+_LINE = 1.4 * 0.0138  # inches, of the size of letters in points
+SMALLEST, _TABLE_SIZE, _SMALL = 6.0, 6.8, 7.0
+_GAP_IN = 0.16  # beside the cells of a table
+_NARROWEST_IN, _TITLE_IN = 0.9, 1.5  # of a column whose text is broken; of a title that is not
 _CURVES_ACROSS, _CURVE_IN = 3, 0.95
+_DPI = 200
 _MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GRAY}
+_WORDS = {"good": " (met)", "bad": " (missed)"}  # what is a light on a page
 
 
 def write_pdf(path: str | Path, document: Document, progress: Callable[[str], None] = lambda text: None) -> int:
@@ -35,63 +57,74 @@ def write_pdf(path: str | Path, document: Document, progress: Callable[[str], No
     -------
     How many pages it has.
     """
-    with _PrintedPages(path, document.title) as pages:
-        pages.text(document.title, 15, bold=True)
-        pages.text(document.date, 7.5, GRAY)
-        for label, value in document.facts:
-            pages.text(f"{label}: {value}", 7.5, GRAY)
-        for problem in document.problems:
-            pages.text(f"! {problem}", 8, RED)
-        for section in document.sections:
-            progress(f"printing: {section.title}")
-            pages.heading(section.title, section.blocks[0])
-            for block in section.blocks:
-                pages.block(block, "" if block.title == section.title else block.title)
-        pages.heading("What the metrics mean")
-        for term, meaning in document.meanings:
-            pages.text(f"{term}: {meaning}", 8)
-        pages.heading("How this was made")
-        for label, value in document.made:
-            pages.text(f"{label}: {value}", 7.5, GRAY)
-    return pages.count
+    pages = _Pages(document.title)
+    pages.text_of(document.title, 15, bold=True)
+    pages.text_of(document.date, 7.5, GRAY)
+    for label, value in document.facts:
+        pages.text_of(f"{label}: {value}", 7.5, GRAY)
+    for problem in document.problems:
+        pages.text_of(f"! {problem}", 8, RED)
+    for section in document.sections:
+        progress(f"printing: {section.title}")
+        pages.heading(section.title, section.blocks[0])
+        for block in section.blocks:
+            pages.block(block, "" if block.title == section.title else block.title)
+    pages.heading("What the metrics mean")
+    for term, meaning in document.meanings:
+        pages.text_of(f"{term}: {meaning}", 8)
+    pages.heading("How this was made")
+    for label, value in document.made:
+        pages.text_of(f"{label}: {value}", 7.5, GRAY)
+    pages.output(str(path))
+    return len(pages.pages)
 
 
-class _PrintedPages:
+class _Pages(FPDF):
     """Pages that fill from top to bottom; a new one begins where something does not fit."""
 
-    def __init__(self, path: str | Path, title: str):
-        self._title = title
-        self._file = PdfPages(path, metadata={"Title": title, "CreationDate": None})
-        self.count = 0
-        self._page: Figure | None = None
-        self._y_in = 0.0  # what is left above the lower margin
+    def __init__(self, title: str):
+        super().__init__(unit="in", format="A4")
+        for style, file in (("", "DejaVuSans.ttf"), ("B", "DejaVuSans-Bold.ttf")):
+            self.add_font("sans", style, Path(matplotlib.get_data_path(), "fonts/ttf", file))
+        self.set_title(title)
+        self.set_margin(_MARGIN_IN)
+        self.c_margin = 0.0
+        self.set_auto_page_break(True, _MARGIN_IN)
+        self.add_page()
 
-    def text(self, text: str, size: float, color: str = BLACK, bold: bool = False) -> None:
+    def footer(self) -> None:
+        """The document's title and the number of the page."""
+        self.set_y(-0.42)
+        self._letters(6.5, GRAY)
+        self.cell(0, 0.1, f"{self.title} · page {self.page_no()}", align="C")
+
+    def _letters(self, size: float, color: str = BLACK, bold: bool = False) -> None:
+        self.set_font("sans", "B" if bold else "", size)
+        self.set_text_color(color)
+
+    def text_of(self, text: str, size: float, color: str = BLACK, bold: bool = False) -> None:
         """A paragraph."""
-        for line in wrapped(text, size, WIDTH_IN, bold):
-            height = 0.0138 * size * 1.4
-            self._room(height)
-            self._y_in -= height
-            self._write(0.0, line, size, color, bold)
+        self._letters(size, color, bold)
+        self.multi_cell(0, _LINE * size, text, align="L", new_x="LMARGIN", new_y="NEXT")
 
     def heading(self, title: str, first: Block | None = None) -> None:
         """Of a section; on a page with the ``first`` of what stands below it."""
         self._room(0.5 + (0.3 if first is None else _needed_in(first)))
-        self._y_in -= 0.15
-        self._line(0.6, GRAY, WIDTH_IN)
-        self._y_in -= 0.24
-        self._write(0.0, title, 11.5, BLACK, True)
-        self._y_in -= 0.06
+        self.ln(0.15)
+        self.set_draw_color(GRAY)
+        self.set_line_width(0.008)
+        self.line(_MARGIN_IN, self.y, _MARGIN_IN + WIDTH_IN, self.y)
+        self.ln(0.06)
+        self.text_of(title, 11.5, bold=True)
 
     def block(self, block: Block, title: str) -> None:
         """A table, chart, curves or pictures, with its title (none where it is empty) and note."""
-        chart_in = plots.height_in(block)
         self._room(_needed_in(block))
         if title:
-            self._y_in -= 0.22
-            self._write(0.0, title, 9, BLACK, True)
+            self.ln(0.06)
+            self.text_of(title, 9, bold=True)
         if block.note:
-            self.text(block.note, 7, GRAY)
+            self.text_of(block.note, _SMALL, GRAY)
         if isinstance(block, Table):
             self._table(block)
         elif isinstance(block, Curves):
@@ -99,130 +132,89 @@ class _PrintedPages:
         elif isinstance(block, Pictures):
             self._pictures(block)
         else:
-            left = plots.label_in(block)
-            plots.draw(block, self._axes(left, WIDTH_IN - left - 0.05, chart_in, above=0.22, below=0.42))
+            height, left = plots.height_in(block), plots.label_in(block)
+            figure = Figure(figsize=(WIDTH_IN, height))
+            width = (WIDTH_IN - left - 0.05) / WIDTH_IN
+            plots.draw(block, figure.add_axes((left / WIDTH_IN, 0.42 / height, width, (height - 0.64) / height)))
+            self._figure(figure)
 
     def _table(self, table: Table) -> None:
-        for part in table_parts(table):
-            self._table_part(part)
+        """With many columns in several parts, the first column in each; without keys, which nobody copies from paper."""
+        kept = [i for i, column in enumerate(table.columns) if column.title != "key"]
+        columns, rows = [table.columns[i] for i in kept], [[row[i] for i in kept] for row in table.rows]
+        texts = [[_marked(cell, column) for cell, column in zip(row, columns, strict=True)] for row in rows]
+        self._letters(_TABLE_SIZE)
+        widest = [
+            max([min(self.get_string_width(column.title), _TITLE_IN), *(self.get_string_width(row[i]) for row in texts)])
+            for i, column in enumerate(columns)
+        ]
+        for part in _together(columns, widest):
+            chosen = [columns[i] for i in part]
+            widths, size = _widths_of(chosen, [widest[i] for i in part])
+            self._part(chosen, [[row[i] for i in part] for row in rows], [[row[i] for i in part] for row in texts], widths, size)
+            self.ln(0.06)
 
-    def _table_part(self, part: TablePart) -> None:
-        self._room(_ROW_IN * (any(column.group for column in part.columns) + max(map(len, part.titles)) + 3))
-        self._table_head(part)
-        for row, cells in zip(part.rows, part.cells, strict=True):
-            lines = max(map(len, cells), default=1)
-            if self._y_in < lines * _ROW_IN:
-                self._new_page()
-                self._table_head(part)
-            colors = [_MARKS.get(cell.mark, BLACK) if isinstance(cell, Cell) else BLACK for cell in row]
-            for i in range(lines):
-                self._y_in -= _ROW_IN
-                self._cells([cell[i] if i < len(cell) else "" for cell in cells], part, colors)
-        self._y_in -= 0.06
-
-    def _table_head(self, part: TablePart) -> None:
-        columns, lines = part.columns, max(map(len, part.titles))
-        if any(column.group for column in columns):
-            self._y_in -= _ROW_IN
-            left = 0.0
-            for i, column in enumerate(columns):
-                if column.group and (i == 0 or columns[i - 1].group != column.group):
-                    self._write(left + 0.12, column.group, part.size, GRAY, True)
-                left += part.widths[i]
-        for line in zip(*([""] * (lines - len(title)) + [*title] for title in part.titles), strict=True):
-            self._y_in -= _ROW_IN
-            self._cells(line, part, [GRAY] * len(columns))
-        self._y_in -= 0.045
-        self._line(0.5, GRAY, sum(part.widths))
-
-    def _cells(self, cells: Sequence[str], part: TablePart, colors: Sequence[str]) -> None:
-        left = 0.0
-        for cell, column, width, color in zip(cells, part.columns, part.widths, colors, strict=True):
-            if column.is_text:
-                self._write(left + (0.1 if left else 0.0), cell, part.size, color)
-            else:
-                self._write(left + width, cell, part.size, color, align="right")
-            left += width
+    def _part(
+        self, columns: Sequence[Column], rows: Sequence[Sequence[Value]], texts: Sequence[Sequence[str]],
+        widths: Sequence[float], size: float,
+    ) -> None:  # fmt: skip
+        grouped = any(column.group for column in columns)
+        self._letters(size)
+        with self.table(
+            col_widths=tuple(widths), width=sum(widths), align="LEFT", borders_layout="SINGLE_TOP_LINE", line_height=_LINE * size,
+            text_align=tuple("LEFT" if column.is_text else "RIGHT" for column in columns), v_align="TOP",
+            padding=(0.01, _GAP_IN / 2, 0.01, _GAP_IN / 2), headings_style=FontFace(color=GRAY), num_heading_rows=1 + grouped,
+        ) as table:  # fmt: skip
+            if grouped:
+                head = table.row()
+                for group, members in groupby(columns, key=lambda column: column.group):
+                    head.cell(group, colspan=len(list(members)), align="LEFT", style=FontFace(emphasis="BOLD", color=GRAY))
+            head = table.row()
+            for column in columns:
+                head.cell(column.title)
+            for row, cells in zip(rows, texts, strict=True):
+                line = table.row()
+                for value, text in zip(row, cells, strict=True):
+                    mark = value.mark if isinstance(value, Cell) else ""
+                    line.cell(text, style=FontFace(color=_MARKS[mark]) if mark in _MARKS else None)
 
     def _curves(self, block: Curves) -> None:
         lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
-        self.text("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), 7, GRAY)
+        self.text_of("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), _SMALL, GRAY)
         panels = [(curve, i) for curve in block.curves for i in range(len(curve.panels))]
         width = WIDTH_IN / _CURVES_ACROSS
         for first in range(0, len(panels), _CURVES_ACROSS):
-            self._room(_CURVE_IN)
+            figure = Figure(figsize=(WIDTH_IN, _CURVE_IN))
             for place, (curve, panel) in enumerate(panels[first : first + _CURVES_ACROSS]):
-                box = self._box(place * width + 0.28, width - 0.34, _CURVE_IN, above=0.2, below=0.16)
-                plots.draw_curve(curve, panel, self._on(), box)
-            self._y_in -= _CURVE_IN
+                left, right, height = place * width + 0.28, (width - 0.34) / WIDTH_IN, (_CURVE_IN - 0.36) / _CURVE_IN
+                plots.draw_curve(curve, panel, figure, (left / WIDTH_IN, 0.16 / _CURVE_IN, right, height))
+            self._figure(figure)
+
+    def _figure(self, figure: Figure) -> None:
+        """A drawing as wide as the text."""
+        height = float(figure.get_figheight())
+        self._room(height)
+        drawn = io.BytesIO()
+        FigureCanvasAgg(figure).print_png(drawn, metadata={"Software": None}, pil_kwargs={"compress_level": 6})
+        self.image(drawn, w=WIDTH_IN, h=height)
 
     def _pictures(self, block: Pictures) -> None:
-        self._y_in -= 0.07
+        self.ln(0.07)
         for row in block.rows:
             aspects = [image.shape[1] / image.shape[0] for _, image in row]
             height = min((WIDTH_IN - 0.05 * len(row)) / sum(aspects), 2.2)
             self._room(height + 0.2)
-            left = 0.0
+            left, top = _MARGIN_IN, self.y
+            self._letters(SMALLEST, GRAY)
             for (caption, image), aspect in zip(row, aspects, strict=True):
-                ax = self._axes(left, height * aspect, height, above=0.0, below=0.0, keep=True)
-                ax.imshow(_for_print(image, height), aspect="auto", interpolation="none")
-                ax.axis("off")
-                self._write(left, caption, SMALLEST, GRAY, below=height + 0.09)
+                self.image(io.BytesIO(_for_print(image, height)), left, top, height * aspect, height)
+                self.text(left, top + height + 0.1, caption)
                 left += height * aspect + 0.05
-            self._y_in -= height + 0.14
-
-    def _axes(self, left: float, width: float, height: float, *, above: float, below: float, keep: bool = False) -> Axes:
-        """Axes below the point reached, which moves on unless it is to be kept."""
-        box = self._box(left, width, height, above, below)
-        if not keep:
-            self._y_in -= height
-        return self._on().add_axes(box)
-
-    def _box(self, left: float, width: float, height: float, above: float, below: float) -> tuple[float, float, float, float]:
-        """Fractions of the page, for inches below the point reached; ``above`` and ``below`` are left free for labels."""
-        bottom = MARGIN_IN + self._y_in - height + below
-        return ((MARGIN_IN + left) / PAGE_IN[0], bottom / PAGE_IN[1], width / PAGE_IN[0], (height - above - below) / PAGE_IN[1])
-
-    def _write(
-        self, left: float, text: str, size: float, color: str, bold: bool = False, align: str = "left", below: float = 0.0
-    ) -> None:
-        x, y = (MARGIN_IN + left) / PAGE_IN[0], (MARGIN_IN + self._y_in - below) / PAGE_IN[1]
-        weight = "bold" if bold else "normal"
-        self._on().text(x, y, text, size=size, color=color, weight=weight, ha=align, va="baseline", parse_math=False)
-
-    def _line(self, width: float, color: str, length: float) -> None:
-        y = (MARGIN_IN + self._y_in) / PAGE_IN[1]
-        ends = (MARGIN_IN / PAGE_IN[0], (MARGIN_IN + length) / PAGE_IN[0])
-        self._on().add_artist(Line2D(ends, (y, y), color=color, lw=width))
+            self.set_y(top + height + 0.14)
 
     def _room(self, height: float) -> None:
-        if self._page is None or self._y_in < height:
-            self._new_page()
-
-    def _on(self) -> Figure:
-        if self._page is None:
-            self._new_page()
-        assert self._page is not None
-        return self._page
-
-    def _new_page(self) -> None:
-        self._finish_page()
-        self._page, self._y_in = Figure(figsize=PAGE_IN), PAGE_IN[1] - 2 * MARGIN_IN
-        self.count += 1
-        foot = f"{self._title} · page {self.count}"
-        self._page.text(0.5, 0.35 / PAGE_IN[1], foot, size=6.5, color=GRAY, ha="center", parse_math=False)
-
-    def _finish_page(self) -> None:
-        if self._page is not None:
-            self._file.savefig(self._page, dpi=110)
-
-    def __enter__(self) -> _PrintedPages:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if kind is None:
-            self._finish_page()
-        self._file.close()
+        if self.will_page_break(height):
+            self.add_page()
 
 
 def _needed_in(block: Block) -> float:
@@ -232,11 +224,45 @@ def _needed_in(block: Block) -> float:
     return 0.55 + (plots.height_in(block) or 0.7)
 
 
-def _for_print(bgr: np.ndarray, height_in: float) -> np.ndarray:
-    """RGB at 130 dots per inch, or as it is where that is less."""
+def _marked(cell: Value, column: Column) -> str:
+    return cell_text(cell, column) + (_WORDS.get(cell.mark, "") if isinstance(cell, Cell) else "")
+
+
+def _together(columns: Sequence[Column], widest: Sequence[float]) -> list[list[int]]:
+    """Numbers of the columns that stand beside each other: as many as fit, of a group together, the first before all of them."""
+
+    def fit(part: list[int]) -> bool:
+        return sum(_widths_of([columns[i] for i in part], [widest[i] for i in part])[0]) <= WIDTH_IN + 1e-6
+
+    parts = [[0]]
+    for _, group in groupby(range(1, len(columns)), key=lambda i: columns[i].group or i):
+        run = list(group)
+        if len(parts[-1]) > 1 and not fit([*parts[-1], *run]):
+            parts.append([0])
+        for i in run:
+            if len(parts[-1]) > 1 and not fit([*parts[-1], i]):
+                parts.append([0])
+            parts[-1].append(i)
+    return parts
+
+
+def _widths_of(columns: Sequence[Column], widest: Sequence[float]) -> tuple[list[float], float]:
+    """Inches of every column, and the size of the text: smaller for a wide table, and then its widest column in several lines."""
+    size = min(_TABLE_SIZE, max(SMALLEST, _TABLE_SIZE * (WIDTH_IN - _GAP_IN * len(columns)) / max(sum(widest), 0.1)))
+    widths = [width * size / _TABLE_SIZE + _GAP_IN + 1e-3 for width in widest]
+    texts = [i for i, column in enumerate(columns) if column.is_text]
+    beyond = sum(widths) - WIDTH_IN
+    if beyond > 1e-6 and texts:
+        i = max(texts, key=lambda i: widths[i])
+        widths[i] = max(widths[i] - beyond, _NARROWEST_IN)
+    return widths, size
+
+
+def _for_print(bgr: np.ndarray, height_in: float) -> bytes:
+    """A JPEG at 130 dots per inch, or as it is where that is less."""
     rows = min(round(130 * height_in), bgr.shape[0])
     small = cv2.resize(bgr, (max(round(bgr.shape[1] * rows / bgr.shape[0]), 1), rows), interpolation=cv2.INTER_AREA)
-    return cv2.cvtColor(small, cv2.COLOR_BGR2RGB)
+    return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
 
 
 def _color_name(color: str) -> str:
