@@ -8,16 +8,16 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from ..closing import Closing
 from ..errors import FileFormatError
 from .whole_file import TABLE_BYTES, read_text
 
 
-class CsvWriter:
+class CsvWriter(Closing):
     """Rows to a CSV file, each handed to the operating system at once; usable in a ``with`` statement."""
 
     def __init__(self, path: str | Path, header: Sequence[str]):
@@ -39,12 +39,6 @@ class CsvWriter:
             self._stream.flush()
             os.fsync(self._stream.fileno())
             self._stream.close()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
 
 
 @dataclass(frozen=True)

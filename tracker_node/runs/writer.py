@@ -7,12 +7,12 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from ..camera.rig import CameraRig
+from ..closing import Closing
 from ..loaders.bag.message_types import KEYPOINTS, message_of
 from ..loaders.bag.metadata import OfferedQos
 from ..loaders.bag.writer import BagExistsError, BagWriter
@@ -111,7 +111,7 @@ def write_body(folder: Path, model: ArticulatedModel, surfaces: np.ndarray | Non
         dump_model(seen, folder / BODY, f"{seen.name} as it was seen last, with its clothes. Units: meters, degrees.")
 
 
-class RunWriter:
+class RunWriter(Closing):
     """Writes each estimate as it comes; use it in a ``with`` statement.
 
     Parameters
@@ -220,12 +220,6 @@ class RunWriter:
         self._stack.close()
         write_body(self.output, self._model, self._surfaces)
 
-    def __enter__(self) -> RunWriter:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
 
 def row_of(estimate: TrackEstimate, values: np.ndarray) -> StateRow:
     """Row of ``states.csv``: what the tracker says of an image set, and (n_dof,) values, NaN without a state.
@@ -251,7 +245,7 @@ def row_of(estimate: TrackEstimate, values: np.ndarray) -> StateRow:
     )
 
 
-class SmoothedWriter:
+class SmoothedWriter(Closing):
     """Takes the tracker's estimates as they come; use it in a ``with`` statement, which ends with all of them written.
 
     Parameters
@@ -314,9 +308,3 @@ class SmoothedWriter:
         self._poses.append(stamp_ns, state.T_world_root)
         self._velocities.append(stamp_ns, belief.velocity)
         self._covariances.append(stamp_ns, smoothed_covariance(belief, estimate), belief.velocity_covariance)
-
-    def __enter__(self) -> SmoothedWriter:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()

@@ -11,7 +11,6 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import zstandard
@@ -19,6 +18,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 from rosbags.serde import SerdeError
 
+from ...closing import Closing
 from ...errors import FileFormatError, UnknownNameError
 from .mcap_recovery import ZSTD_MAGIC, FileContents, one_text, scan, survey, unpacked, unpacked_zstd
 from .message_types import typestore_of
@@ -62,7 +62,7 @@ class BagMessage:
     publish_ns: int | None = None
 
 
-class BagReader:
+class BagReader(Closing):
     """Reads one bag; use it in a ``with`` statement.
 
     Parameters
@@ -178,12 +178,6 @@ class BagReader:
         if self._reader is not None and self._reader.is_open:
             self._reader.close()
         self._reader = None
-
-    def __enter__(self) -> BagReader:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
 
     @property
     def _sqlite(self) -> bool:

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
+from ...closing import Closing
 from ...errors import FileFormatError, TrackerError, UnknownNameError
 from .file import BagFile, DiskReserve, LatchedMessages
 from .mcap_writer import COMPRESSIONS
@@ -35,7 +35,7 @@ class BagExistsError(TrackerError):
         super().__init__(f"output '{path}' exists already and is not overwritten; remove it or choose another name")
 
 
-class BagWriter:
+class BagWriter(Closing):
     """Writes one bag; use it in a ``with`` statement, which closes it also after an error.
 
     When the disk is full, an OSError is raised, after what had been taken until then was written to room that was kept for
@@ -288,9 +288,3 @@ class BagWriter:
             self._file.close()
         for topic in self._topics.values():
             topic.message_count = self._in_files[topic.name]
-
-    def __enter__(self) -> BagWriter:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()

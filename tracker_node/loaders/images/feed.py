@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...closing import Closing
 from ...errors import TrackerError
 from ..decoding import SourceImage
 from .recorded_source import ImageSource
@@ -58,7 +59,7 @@ class SourceReport:
     problems: list[str] = field(default_factory=list)
 
 
-class ImageFeed:
+class ImageFeed(Closing):
     """Iterates the `FeedSet`s of several sources in order of time.
 
     Parameters
@@ -82,12 +83,6 @@ class ImageFeed:
         ]
         for thread in self._threads:
             thread.start()
-
-    def __enter__(self) -> ImageFeed:
-        return self
-
-    def __exit__(self, *_) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the decoding threads."""

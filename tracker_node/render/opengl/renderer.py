@@ -17,6 +17,7 @@ import numpy as np
 
 from ...camera.light import Light, pack_lights
 from ...camera.rig import Camera
+from ...closing import Closing
 from ...errors import TrackerError
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration
@@ -115,7 +116,7 @@ _NEAREST = 0.01  # meters: what is nearer is cut away, since the depth buffer ha
 _CROP_STEP = 32  # crops are rounded up to this, so that few sizes of images occur
 
 
-class PyrenderRenderer:
+class PyrenderRenderer(Closing):
     """Draws bodies with OpenGL. Use it in a ``with`` statement, or `close` it; and only on the thread that made it.
 
     It is a `renderer.Renderer`. Only the body's bounding box is drawn and read back. Shapes that reach nearer than a centimeter
@@ -136,12 +137,6 @@ class PyrenderRenderer:
         self._renderer = offscreen._renderer = opengl_lambert.LambertRenderer(64, 64)
         self._model: ArticulatedModel | None = None
         self._nodes: list[Any] = []
-
-    def __enter__(self) -> PyrenderRenderer:
-        return self
-
-    def __exit__(self, *_) -> None:
-        self.close()
 
     def close(self) -> None:
         """Free the OpenGL context."""

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from ...camera.rig import Camera
+from ...closing import Closing
 from ...render.opengl.renderer import OpenGLContext
 
 AMBIENT = 0.32
@@ -46,7 +47,7 @@ class TexturedMesh:
     texture: np.ndarray
 
 
-class Rasterizer:
+class Rasterizer(Closing):
     """One OpenGL context with fixed lights. Close it with `close` (or use it in a ``with`` statement)."""
 
     def __init__(self):
@@ -58,12 +59,6 @@ class Rasterizer:
             self._scene.add(light, pose=_looking_along(np.array(direction)))
         self._camera = self._scene.add(pyrender.IntrinsicsCamera(1.0, 1.0, 0.0, 0.0))
         self._nodes: list = []
-
-    def __enter__(self) -> Rasterizer:
-        return self
-
-    def __exit__(self, *_) -> None:
-        self.close()
 
     def close(self) -> None:
         """Free the OpenGL context."""
