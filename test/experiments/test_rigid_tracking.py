@@ -15,11 +15,11 @@ from tracker_node.experiments.rigid_tracking import (
     profile,
     success_rate,
     table1,
-    text_table,
     track,
 )
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State, from_variables
+from tracker_node.report.page import text_table
 
 TRUTH = from_variables(np.array([0.3, -0.2, 1.1, 3.5, 0.1, 0.7]))
 

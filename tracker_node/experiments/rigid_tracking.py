@@ -185,16 +185,6 @@ def _of(value: float, unit: str, digits: int) -> str:
     return f"{value:.{digits}f} {unit}"
 
 
-def text_table(rows: Sequence[Sequence[str]]) -> str:
-    """Rows of text in columns; all but the first column to the right."""
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    lines = []
-    for row in rows:
-        cells = [cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
-
-
 def profile(objective: ScoreObjective, state: State, variable: str, changes: np.ndarray) -> np.ndarray:
     """Scores along one variable.
 

@@ -52,6 +52,16 @@ def write_page(path: str | Path, title: str, sections: Sequence[PageSection]) ->
     Path(path).write_text(page, encoding="utf-8")
 
 
+def text_table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of text in columns; all but the first column to the right."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
 def _data_uri(image: Path | np.ndarray | None) -> str:
     if image is None:
         return ""

@@ -7,7 +7,6 @@ from tracker_node.calibration.board.board import BoardView
 from tracker_node.calibration.board.intrinsics import LensCalibration
 from tracker_node.calibration.board.report import (
     coverage_image,
-    format_table,
     lens_images,
     lens_table,
     outlier_table,
@@ -15,7 +14,7 @@ from tracker_node.calibration.board.report import (
 )
 from tracker_node.calibration.board.views import CameraViews
 from tracker_node.camera.model import CameraModel
-from tracker_node.report.page import PageSection
+from tracker_node.report.page import PageSection, text_table
 
 LENS = CameraModel(
     1280, 960, np.array([[1000.126, 0.0, 639.5], [0.0, 1001.0, 479.5], [0.0, 0.0, 1.0]]), "plumb_bob",
@@ -44,7 +43,7 @@ def test_views_left_out_are_told_by_camera_image_and_corners():
 
 def test_columns_of_a_table_are_aligned():
     table = PageSection("T", table=(("camera", "n"), ("a", "100"), ("long name", "2")))
-    assert format_table(table).split("\n") == ["camera       n", "a          100", "long name    2"]
+    assert text_table(table.table).split("\n") == ["camera       n", "a          100", "long name    2"]
 
 
 def test_corners_lie_where_they_were_seen_in_half_the_pixels():

@@ -87,16 +87,6 @@ def outlier_table(outliers: Sequence[tuple[str, BoardView]]) -> PageSection:
     return PageSection("Views left out, since they fit much worse than the others", table=(("camera", "image", "corners"), *rows))
 
 
-def format_table(table: PageSection) -> str:
-    """As text for a terminal, columns aligned."""
-    widths = [max(map(len, column)) for column in zip(*table.table, strict=True)]
-    lines = []
-    for row in table.table:
-        first, *others = (cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True)))
-        lines.append("  ".join([first, *others]))
-    return "\n".join(lines)
-
-
 def coverage_image(seen: CameraViews, pixels: np.ndarray, residuals_px: np.ndarray) -> np.ndarray:
     """All corners over one of the images, from green (fits) to red (a pixel off, or more).
 

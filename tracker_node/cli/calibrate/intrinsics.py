@@ -28,7 +28,6 @@ def run(args: argparse.Namespace) -> int:
     from ...calibration.board.report import (
         coverage_notes,
         covered,
-        format_table,
         lens_images,
         lens_table,
         outlier_table,
@@ -37,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from ...camera.rig import Camera, CameraRig
     from ...errors import FileFormatError
     from ...loaders.rig.rig_yaml import rig_file_of, write_rig_file
-    from ...report.page import PageSection, write_page
+    from ...report.page import PageSection, text_table, write_page
     from ...report.progress import StageProgress
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
@@ -66,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     text = f"{board}. Sigmas take the corners' errors as independent: lower bounds."
     write_page(page, "Lenses from a board", [PageSection(text=text), *tables, *images])
     files = write_images(page.parent, list(found), images)
-    print(format_table(table))
+    print(text_table(table.table))
     for row in outliers.table[1:]:
         print(f"left out: image {row[1]} of {row[0]}")
     pixels = {name: np.concatenate([view.pixels for view in lens.views]) for name, lens in found.items()}

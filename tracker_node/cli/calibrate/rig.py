@@ -37,7 +37,6 @@ def run(args: argparse.Namespace) -> int:
     from ...calibration.board.report import (
         camera_metrics,
         coverage_notes,
-        format_table,
         late_cameras,
         rig_images,
         rig_metrics,
@@ -49,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from ...calibration.board.rig import calibrate_rig, check_for_rig, given_lenses, with_sources
     from ...loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
     from ...report.metrics_file import write_metrics
+    from ...report.page import text_table
     from ...report.progress import StageProgress
 
     page = Path(args.report or Path(args.output).with_suffix(".html"))
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     files = write_images(page.parent, found.rig.names, rig_images(found, seen))
     cameras, pairs, *_, outliers = rig_tables(found, seen)
     for table in (cameras, pairs):
-        print(format_table(table))
+        print(text_table(table.table))
     for name, image, error in worst_views(found, 3):
         print(f"worst view: image {image} of {name}, {error:.2f} px")
     for row in outliers.table[1:]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,13 +29,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="of the network that finds points, such as pose_landmark_heavy.tflite (default: the full size, fetched once)",
     )
-    parser.add_argument("--threads", type=_positive, default=1, metavar="N", help="of the networks (default: 1)")
+    parser.add_argument("--threads", type=_within(int, 1, 64), default=1, metavar="N", help="of the networks (default: 1)")
     parser.add_argument(
-        "--niceness", type=_niceness, default=5, metavar="N", help="0 to 19: how far others go first (default: 5)"
+        "--niceness", type=_within(int, 0, 19), default=5, metavar="N", help="0 to 19: how far others go first (default: 5)"
     )
     parser.add_argument(
-        "--rate", type=_rate, default=5.0, metavar="HZ", help="image sets a second at most (default: 5; 0: as many as possible)"
-    )
+        "--rate", type=_within(float, 0, 1000), default=5.0, metavar="HZ",
+        help="image sets a second at most (default: 5; 0: as many as possible)",
+    )  # fmt: skip
     parser.add_argument("--lossless", action="store_true", help="look at every image set in order, for a lossless tracker")
     parser.add_argument(
         "--wait-for-subscribers", type=int, default=0, metavar="N", help="begin when the points of each camera have N of them"
@@ -45,24 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", metavar="FILE", help="tracker parameters: how images are matched (default: built in)")
 
 
-def _positive(text: str) -> int:
-    number = int(text)
-    if not 1 <= number <= 64:
-        raise argparse.ArgumentTypeError(f"expected 1 to 64, got {text}")
-    return number
+def _within(kind: type, least: int, most: int) -> Callable[[str], float]:
+    def number(text: str) -> float:
+        value = kind(text)
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"expected {least} to {most}, got {text}")
+        return value
 
-
-def _niceness(text: str) -> int:
-    number = int(text)
-    if not 0 <= number <= 19:
-        raise argparse.ArgumentTypeError(f"expected 0 to 19, got {text}")
-    return number
-
-
-def _rate(text: str) -> float:
-    number = float(text)
-    if not 0.0 <= number <= 1000.0:
-        raise argparse.ArgumentTypeError(f"expected 0 to 1000, got {text}")
     return number
 
 

@@ -20,7 +20,7 @@ from ...model.shapes.primitives import TruncatedCone
 from ...observation.chamfer.distance_transform import distance_to
 from ...observation.image_set import CameraImage, ImageSet
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import PageSection, write_page
+from ...report.page import PageSection, text_table, write_page
 from ...report.progress import say
 from ...synthesis.dataset import N_BACKGROUNDS
 from ...synthesis.recording import default_motions
@@ -28,7 +28,6 @@ from ...synthesis.scenes.scene import SceneConfig, Studio, make_rig
 from ...synthesis.subjects.cones import ModelSubject
 from ...tracking.config import TrackerConfig
 from ..plots import Profile, save
-from ..rigid_tracking import text_table
 from . import tracking
 from .clips import Clip, TrackedClip, balancing_clip, cones_clip, mannequin_clip
 from .errors import METHODS, PUBLISHED, REACH_PX, ContourError, by_method, far_sighted

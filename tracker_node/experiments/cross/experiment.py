@@ -19,10 +19,10 @@ from ...model.configuration import N_ROOT, ROOT_NAMES, Configuration, State, to_
 from ...render.overlay import masked_image
 from ...report.document import BLUE, GRAY, GREEN, ORANGE, PURPLE
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import PageSection, write_page
+from ...report.page import PageSection, text_table, write_page
 from ...report.progress import say
 from ..plots import plan_figure, save
-from ..rigid_tracking import UNITS, VARIABLES, pose_error, text_table
+from ..rigid_tracking import UNITS, VARIABLES, pose_error
 from .methods import AS_PUBLISHED, BEST, METHODS, camera_times, track
 from .scene import cross_scene
 from .throw import FIELD_PERIOD_S

@@ -17,7 +17,7 @@ from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...optimize.stepping import FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
 from ...parallel import Workers
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import PageSection, write_page
+from ...report.page import PageSection, text_table, write_page
 from ...report.progress import say
 from .. import rigid_tracking as experiments
 from ..plots import save, sequence_figure
@@ -87,7 +87,7 @@ def run_table1(folder: Path, quick: bool) -> None:
         if any(m.key in keys for m in methods)
     }
     remarks = _remarks(metrics)
-    text = "\n\n".join([*map(experiments.text_table, tables.values()), remarks, format_metrics(metrics)])
+    text = "\n\n".join([*map(text_table, tables.values()), remarks, format_metrics(metrics)])
     print(text)
     (folder / "table.txt").write_text(text + "\n")
     write_metrics(folder / "metrics.json", metrics)
