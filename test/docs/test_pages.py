@@ -155,7 +155,7 @@ def test_architecture_draws_the_layers_that_the_import_contract_holds(repository
     drawn = text.split("```text\n", 1)[1].split("```", 1)[0].splitlines()
     assert [re.split(r"\s{2,}", line)[0] for line in drawn] == contracts[0]["layers"]
     packages = {folder.parent.name for folder in (repository / "tracker_node").glob("*/__init__.py")}
-    modules = {"errors", "parallel", "version"}
+    modules = {"closing", "errors", "parallel", "version"}
     assert packages | modules == {name for layer in contracts[0]["layers"] for name in layer.split(" | ")}
 
 
