@@ -22,6 +22,7 @@ from ..model.proportions import expected_lengths
 from ..model.shape_parameters import ShapeSpace
 from ..objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, U, V
 from ..objective.shape_jacobian import landmarks_D_shape
+from ..optimize.levenberg_marquardt import clip_to_limits
 from ..tracking.config import TrackerConfig
 from ..tracking.constraints import resting
 from ..tracking.keypoints.choice import PersonChoice
@@ -229,10 +230,8 @@ class _Problem:
 
         def step(damping: float) -> _Unknowns:
             moved = np.linalg.solve(H + np.diag(damping * np.diag(H) + _NOTHING), -g)
-            states = []
-            for state, tangent in zip(found.states, moved[n_shared:].reshape(-1, chain.n_dof), strict=True):
-                there = state.retract(tangent)
-                states.append(State(there.T_world_root, np.clip(there.joint_positions, chain.lower, chain.upper)))
+            tangents = moved[n_shared:].reshape(-1, chain.n_dof)
+            states = [clip_to_limits(s.retract(tangent), chain) for s, tangent in zip(found.states, tangents, strict=True)]
             offsets = found.offsets + moved[n_shape:n_shared].reshape(-1, 3)
             return _Unknowns(tuple(states), found.s + moved[:n_shape], offsets)
 

@@ -152,22 +152,15 @@ def epipolar_curve(camera: Camera, pixel: np.ndarray, other: Camera) -> np.ndarr
         return np.zeros((0, 2))
     depths = np.geomspace(_NEAREST_M, _FARTHEST_M, _N_DEPTHS)
     pixels, valid = other.project(se3.apply(camera.T_world_cam, depths[:, None] * rays))
-    first, last = _longest_run(valid & other.model.in_image(pixels))
-    if first == last:
+    inside = valid & other.model.in_image(pixels)
+    stretches = np.ma.flatnotmasked_contiguous(np.ma.array(inside, mask=~inside))
+    if not stretches:
         return np.zeros((0, 2))
+    longest = max(stretches, key=lambda stretch: stretch.stop - stretch.start)
+    first, last = longest.start, longest.stop
     first -= first > 0 and bool(valid[first - 1])
     last += last < len(valid) and bool(valid[last])
     return pixels[first:last]
-
-
-def _longest_run(inside: np.ndarray) -> tuple[int, int]:
-    """Start and end (exclusive) of the longest stretch of True; (0, 0) without any."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
-    if not len(edges):
-        return 0, 0
-    starts, ends = edges[::2], edges[1::2]
-    longest = int(np.argmax(ends - starts))
-    return int(starts[longest]), int(ends[longest])
 
 
 LARGEST_ROOM_M = 100.0  # a camera farther than this from the others is hardly meant in meters

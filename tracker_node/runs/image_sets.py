@@ -124,11 +124,7 @@ class SourceStream(_MatchedStream):
 
     def image_numbers(self) -> dict[str, dict[int, int]]:
         """Camera -> stamp, ns -> number of the image in its source, from 0."""
-        first = {name: source.options.start for name, source in self._sources.items()}
-        return {
-            name: {source.stamp_ns(i): i for i in range(first[name], first[name] + source.n_images)}
-            for name, source in self._sources.items()
-        }
+        return {name: {source.stamp_ns(i): i for i in source.numbers} for name, source in self._sources.items()}
 
     def __iter__(self) -> Iterator[ImageSet]:
         for item in merged_images(self._sources, self.errors):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
-from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE
+from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, stamp_ns_of
 from ..loaders.bag.metadata import STORAGE_SUFFIXES
 from ..loaders.bag.reader import BagReader
 from ..loaders.json_values import read_json
@@ -145,7 +145,7 @@ def _from_bag(path: Path, topic: str | None) -> RunData:
     run = RunData(
         path=path,
         dof_names=dof_names,
-        stamps_ns=np.array([_nanoseconds(m.header.stamp) for m in messages], dtype=np.int64),
+        stamps_ns=np.array([stamp_ns_of(m.header.stamp) for m in messages], dtype=np.int64),
         status=np.array([m.status for m in messages], dtype=int),
         values=np.array([m.values for m in messages], dtype=np.float64).reshape(n, len(dof_names)),
         residual=np.array([m.residual for m in messages], dtype=np.float64),
@@ -185,7 +185,7 @@ def _covariances(reader: BagReader, topic: str) -> dict[int, np.ndarray]:
     """(n_dof * n_dof,) by the stamp of the state."""
     if topic not in reader.topics or reader.topic(topic).type_name != STATE_COVARIANCE:
         return {}
-    return {_nanoseconds(m.header.stamp): m.covariance for _, m in reader.decoded(topic)}
+    return {stamp_ns_of(m.header.stamp): m.covariance for _, m in reader.decoded(topic)}
 
 
 def _details(path: Path, messages: Sequence[Any], covariances: Mapping[int, np.ndarray], n_dof: int) -> RunDetails:
@@ -198,14 +198,10 @@ def _details(path: Path, messages: Sequence[Any], covariances: Mapping[int, np.n
         if len(m.limb_status):
             details.limb_status[i] = m.limb_status
         details.timings_ms[i] = m.observe_ms, m.optimize_ms, m.total_ms
-        covariance = covariances.get(_nanoseconds(m.header.stamp))
+        covariance = covariances.get(stamp_ns_of(m.header.stamp))
         if covariance is not None and len(covariance) == n_dof**2:
             details.covariances[i] = np.reshape(covariance, (n_dof, n_dof))
     return details
-
-
-def _nanoseconds(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def _in_order(run: RunData) -> RunData:

@@ -140,7 +140,7 @@ class RecordedRunStream(ImageSetStream):
         sources = opened_sources(self.rig, options, [])
         for base_ns in [options.base_stamp_ns, *self._announced_bases(sources)]:
             shift = base_ns - options.base_stamp_ns
-            stamps = {c: {s + shift for s in _stamps(source)} for c, source in sources.items()}
+            stamps = {c: {source.stamp_ns(i) + shift for i in source.numbers} for c, source in sources.items()}
             if all(wanted[c] <= stamps[c] for c in sources if c in wanted):
                 self._drop_absent({c for c in sources if 0 not in stamps[c]})
                 return base_ns
@@ -176,8 +176,3 @@ def recorded_set(message) -> RecordedSet:
     images = tuple((camera, ns) for camera, ns in pairs if ns or stamp_ns <= 0)
     used = zip(getattr(message, "keypoint_cameras", ()), getattr(message, "keypoint_stamps", ()), strict=True)
     return RecordedSet(stamp_ns, images, tuple((camera, stamp_ns_of(stamp)) for camera, stamp in used))
-
-
-def _stamps(source: ImageSource) -> set[int]:
-    first = source.options.start
-    return {source.stamp_ns(i) for i in range(first, first + source.n_images)}

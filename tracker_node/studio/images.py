@@ -74,7 +74,8 @@ class RecordedImages:
 
     def _stamped(self, camera: str) -> dict[int, int]:
         """Number of the image of each stamp; a camera that gives fewer than it announces is left out."""
-        source, numbers = self._sources[camera], _numbers(self._sources[camera])
+        source = self._sources[camera]
+        numbers = source.numbers
         try:
             source.stamp_ns(numbers[-1])  # of a bag this reads all of them, from the first on each would anew
             return {source.stamp_ns(i): i for i in numbers}
@@ -182,7 +183,7 @@ class _Reader:
         self._next = 0
 
     def read(self, number: int) -> np.ndarray:
-        numbers = _numbers(self._source)
+        numbers = self._source.numbers
         if number not in numbers:
             raise FileFormatError("request", "image", f"a number in [{numbers.start}, {numbers.stop - 1}]", number)
         with self._lock:
@@ -194,10 +195,6 @@ class _Reader:
                 self._images = None
                 raise SourceError(self._source.path, f"image {number} cannot be read")
             return np.array(image.bgr)
-
-
-def _numbers(source: ImageSource) -> range:
-    return range(source.options.start, source.options.start + source.n_images)
 
 
 def _sets_of(

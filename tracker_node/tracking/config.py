@@ -6,14 +6,14 @@ compared by is chosen with `TrackerConfig.modalities`; parameters of modalities 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..errors import FileFormatError
 from .estimate import GRAY_LEVELS, PX
 from .parameters import built, named, nested, parameter, value_of
-from .renamed import refuse_renamed
+from .renamed import flat, refuse_renamed
 
 REGION, CHAMFER, KEYPOINTS, COLOR, TEXTURE, COLOR_OVER_BACKGROUND = MODALITIES = (
     "region", "chamfer", "keypoints", "color", "texture", "color_over_background",
@@ -509,7 +509,7 @@ def from_dict(values: dict[str, Any], source: str = "tracker config") -> Tracker
     refuse_renamed(values, source)
     tree = nested(values, source)
     config = checked_combination(built(TrackerConfig, tree, source), source)
-    for name in _given(tree):
+    for name in flat(tree):
         refuse_unused(config, name, value_of(config, name), source)
     return config
 
@@ -577,11 +577,3 @@ def updated(config: TrackerConfig, values: Mapping[str, Any], source: str) -> Tr
     refuse_renamed(values, source)
     base = chosen(config, values, source)
     return from_dict({**flatten(base), **values}, source)
-
-
-def _given(tree: dict[str, Any], prefix: str = "") -> Iterable[str]:
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from _given(value, f"{prefix}{key}.")
-        else:
-            yield prefix + key

@@ -19,6 +19,7 @@ from ...model.shape_parameters import ShapeSpace
 from ...objective.constraints.prior import Prior
 from ...objective.normal_equations import LeastSquaresObjective
 from ...objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals, linearize_lines, normal_equations
+from ...optimize.levenberg_marquardt import clip_to_limits
 from ..levenberg_marquardt import ArrowEquations, Descent, descend
 
 
@@ -279,10 +280,8 @@ class _Arrow(ArrowEquations):
 
     def step(self, damping: float) -> Estimate:
         shared, tangents = self.move(damping)
-        states = []
-        for state, tangent in zip(self._estimate.states, tangents, strict=True):
-            moved = state.retract(tangent)
-            states.append(State(moved.T_world_root, np.clip(moved.joint_positions, self._chain.lower, self._chain.upper)))
+        pairs = zip(self._estimate.states, tangents, strict=True)
+        states = [clip_to_limits(state.retract(tangent), self._chain) for state, tangent in pairs]
         n_shape = len(self._estimate.s)
         cameras = shared[n_shape:].reshape(-1, N_CAMERA)
         return Estimate(tuple(states), self._estimate.s + shared[:n_shape], _composed(self._estimate.cameras, cameras))

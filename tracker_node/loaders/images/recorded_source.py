@@ -153,8 +153,13 @@ class ImageSource(ABC):
         return self._settings().bayer
 
     @property
+    def numbers(self) -> range:
+        """Of the images that the options choose, in the file."""
+        return range(self.options.start, min(self.options.end or self._n_in_file, self._n_in_file))
+
+    @property
     def n_images(self) -> int:
-        return min(self.options.end or self._n_in_file, self._n_in_file) - self.options.start
+        return len(self.numbers)
 
     def stamp_ns(self, i: int) -> int:
         """Stamp of image number ``i`` of the file; beyond the last one read, that of a later pass."""
@@ -181,10 +186,9 @@ class ImageSource(ABC):
         """Images as they are to be published, from number ``first`` of the file on, which is in what the options choose."""
         self.counts = ReadCounts()
         self._skip_before_ns, self._n_before_pass = None, 0
-        begin, end = self.options.start, self.options.start + self.n_images
         while True:
             before = self.counts.read + self.counts.skipped
-            for i, content in self._read(begin if first is None else first, end):
+            for i, content in self._read(self.numbers.start if first is None else first, self.numbers.stop):
                 self.counts.read += 1
                 yield self._prepared(self.stamp_ns(i + self._n_before_pass), content)
             self._n_before_pass, first = self._n_before_pass + self.n_images, None

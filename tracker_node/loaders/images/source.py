@@ -52,8 +52,8 @@ class PreloadedSource(ImageSource):
 
     def __init__(self, source: ImageSource):
         self._source = source
-        first = source.options.start
-        self._images = [(i, source._prepared(0, content)) for i, content in source._read(first, first + source.n_images)]
+        read = source._read(source.numbers.start, source.numbers.stop)
+        self._images = [(i, source._prepared(0, content)) for i, content in read]
         self._unreadable = source.counts
         super().__init__(source.path, replace(source.options, size=None, shrink=1, rate_hz=source.rate_hz))
         self.note = source.note

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
+from trimesh.geometry import mean_vertex_normals
 
 from ...camera.rig import Camera
 from ...closing import Closing
@@ -77,12 +77,12 @@ class Rasterizer(Closing):
             texture = pyrender.Texture(source=np.ascontiguousarray(mesh.texture), source_channels="RGB")
             material = pyrender.MetallicRoughnessMaterial(baseColorTexture=texture, doubleSided=True, **arguments)
             extra = {"texcoord_0": mesh.uv.astype(np.float32)}
-            normals = vertex_normals(mesh.vertices, mesh.faces)
+            normals = _vertex_normals(mesh.vertices, mesh.faces)
         else:
             material = pyrender.MetallicRoughnessMaterial(**arguments)
             linear = (mesh.colors_rgb / 255.0) ** 2.2
             extra = {"color_0": np.hstack([linear, np.ones((len(linear), 1))]).astype(np.float32)}
-            normals = vertex_normals(mesh.vertices, mesh.faces) if mesh.normals is None else mesh.normals
+            normals = _vertex_normals(mesh.vertices, mesh.faces) if mesh.normals is None else mesh.normals
         primitive = pyrender.Primitive(
             positions=mesh.vertices.astype(np.float32), normals=normals.astype(np.float32), material=material,
             indices=np.ascontiguousarray(mesh.faces, dtype=np.uint32), **extra,
@@ -174,26 +174,10 @@ def light_coordinates(points: np.ndarray, center: np.ndarray, half_size: float, 
     return np.stack([u, v], axis=-1)
 
 
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Normals of vertices: those of their faces, averaged by area.
-
-    Parameters
-    ----------
-    vertices : (n, 3).
-    faces : (m, 3) vertex indices.
-
-    Returns
-    -------
-    (n, 3) unit normals.
-    """
+def _vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(n, 3) unit, those of the faces around each vertex averaged by area."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
-    face_normals = np.cross(b - a, c - a)
-    rows = faces.ravel()
-    incidence = sparse.csr_matrix(
-        (np.ones(rows.size), (rows, np.repeat(np.arange(len(faces)), 3))), shape=(len(vertices), len(faces))
-    )
-    normals = incidence @ face_normals
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
+    return mean_vertex_normals(len(vertices), faces, np.cross(b - a, c - a))
 
 
 def _looking_along(direction: np.ndarray) -> np.ndarray:
