@@ -9,7 +9,6 @@ from tracker_node.calibration.body import (
     place_landmarks,
     pose_trial,
     robust_mean,
-    scale_to_stature,
     scale_to_trial,
     targets_of,
 )
@@ -22,7 +21,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.measures import MARKER_OF_LANDMARK, HumanMeasures
 from tracker_node.model.humans.surfaces18 import ellipsoid_human
-from tracker_node.model.scaling import LinkScale, scaled_by_link
+from tracker_node.model.scaling import LinkScale, scaled_by_link, scaled_uniformly
 
 HUMAN = human_model()
 EVALUATED = (
@@ -71,7 +70,7 @@ def test_the_body_of_18_segments_is_scaled_by_a_trial_too():
 
 @pytest.mark.parametrize("stature", [1.5, 1.81, 2.0])
 def test_stature_alone(stature):
-    scaled = scale_to_stature(HUMAN, stature)
+    scaled = scaled_uniformly(HUMAN, stature / model_stature(HUMAN))
     assert np.isclose(model_stature(scaled), stature)
     assert np.isclose(length(scaled, "left_thigh"), length(HUMAN, "left_thigh") * stature / model_stature(HUMAN))
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from tracker_node.evaluation import metrics
+from tracker_node.evaluation.evaluate import ErrorSeries, _bone_lengths
+from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.geometry import so3
 
 
@@ -22,14 +24,16 @@ def test_errors_of_a_hand_made_case():
     errors = metrics.joint_errors(estimate, truth)
     assert errors.tolist() == [[5.0, 1.0], [0.0, 2.0]]
     assert metrics.mean_error(errors, valid) == pytest.approx(2.0)  # (5 + 1 + 0) / 3
-    assert metrics.mean_over(errors, valid, axis=0).tolist() == [2.5, 1.0]
-    assert metrics.mean_over(errors, valid, axis=1).tolist() == [3.0, 0.0]
+    series = ErrorSeries(errors, valid)
+    assert series.per_joint_mm().tolist() == [2500.0, 1000.0]
+    assert series.per_set_mm().tolist() == [3000.0, 0.0]
 
 
 def test_mean_over_nothing_is_not_a_number():
     errors, valid = np.ones((3, 2)), np.array([[True, False]] * 3)
-    assert metrics.mean_over(errors, valid, axis=0)[0] == 1.0
-    assert np.isnan(metrics.mean_over(errors, valid, axis=0)[1])
+    by_joint = ErrorSeries(errors, valid).per_joint_mm()
+    assert by_joint[0] == 1000.0 and np.isnan(by_joint[1])
+    assert np.isnan(ErrorSeries(errors[:0], valid[:0]).per_joint_mm()).all()
     assert np.isnan(metrics.mean_error(errors, np.zeros_like(valid)))
 
 
@@ -73,12 +77,14 @@ def test_bone_lengths_of_a_hand_made_case():
     positions[:, 2, 0] = [1.0, 2.0, 3.0]
     positions[:, 2, 2] = 0.5
     valid = np.array([[True, True, True], [True, True, False], [True, True, True]])
-    lengths, ok = metrics.bone_lengths(positions, valid, [(0, 1), (1, 2)])
-    assert lengths[:, 0].tolist() == [1.0, 2.0, 3.0]
-    assert ok.tolist() == [[True, True], [True, False], [True, True]]
-    mean, std = metrics.mean_and_std(lengths, ok)
-    assert mean == pytest.approx([2.0, 0.5])
-    assert std == pytest.approx([np.std([1, 2, 3]), 0.0])
+    names = ("left_shoulder", "left_elbow", "left_wrist")
+    points = Trajectories(names, np.arange(3), positions, valid)
+    found = _bone_lengths(points, points)
+    assert found.bones == (names[:2], names[1:])
+    assert found.estimate_mean_mm == pytest.approx([2000.0, 500.0])
+    assert found.truth_std_mm == pytest.approx([1e3 * np.std([1, 2, 3]), 0.0])
+    none = _bone_lengths(points.select(names[:1]), points)
+    assert none.bones == () and none.truth_mean_mm.shape == (0,)
 
 
 def test_each_reason_loses_a_set():

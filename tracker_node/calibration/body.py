@@ -19,8 +19,8 @@ from ..loaders.motion.trajectory_file import read_states
 from ..loaders.motion.trc import MarkerTrajectories
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.humans.measures import known_landmarks, mirrored_name
-from ..model.scaling import LinkScale, scaled_by_link, scaled_uniformly, with_landmarks
+from ..model.humans.measures import landmark_of_marker, mirrored_name
+from ..model.scaling import LinkScale, scaled_by_link, with_landmarks
 from .pose import fit_state_to_landmarks
 
 SIDES = ("left", "right")
@@ -136,21 +136,6 @@ def _vertical_extent(primitive, T_world_shape: np.ndarray) -> tuple[float, float
     return float(min(ends)), float(max(ends))
 
 
-def scale_to_stature(model: ArticulatedModel, stature_m: float) -> ArticulatedModel:
-    """Scale a body uniformly.
-
-    Parameters
-    ----------
-    model : the body.
-    stature_m : height that it is to have, meters.
-
-    Returns
-    -------
-    The scaled body.
-    """
-    return scaled_uniformly(model, stature_m / model_stature(model))
-
-
 def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options: ScalingOptions | None = None) -> ScaledBody:
     """The body scaled to the joints of a static trial, its landmarks put where the trial has them.
 
@@ -196,9 +181,8 @@ def targets_of(model: ArticulatedModel, markers: MarkerTrajectories, row: int) -
     -------
     Landmark -> world position (3,) of the markers that are valid there and that the model knows.
     """
-    pairs = known_landmarks(markers.names, model.landmark_names)
-    columns = {landmark: markers.index(marker) for marker, landmark in pairs.items()}
-    return {name: markers.positions_m[row, column] for name, column in columns.items() if markers.valid[row, column]}
+    columns = {landmark_of_marker(name): column for column, name in enumerate(markers.names) if markers.valid[row, column]}
+    return {name: markers.positions_m[row, column] for name, column in columns.items() if name in model.landmark_names}
 
 
 def _of_joints(model: ArticulatedModel) -> dict[str, float]:

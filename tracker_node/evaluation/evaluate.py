@@ -52,11 +52,15 @@ class ErrorSeries:
 
     def per_joint_mm(self) -> np.ndarray:
         """(m,), NaN for a joint without truth."""
-        return 1e3 * metrics.mean_over(self.errors_m, self.valid, axis=0)
+        return 1e3 * self._known.mean(axis=0).filled(np.nan)
 
     def per_set_mm(self) -> np.ndarray:
         """(n,), NaN for a set without truth."""
-        return 1e3 * metrics.mean_over(self.errors_m, self.valid, axis=1)
+        return 1e3 * self._known.mean(axis=1).filled(np.nan)
+
+    @property
+    def _known(self) -> np.ma.MaskedArray:
+        return np.ma.array(self.errors_m, mask=~self.valid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,11 +310,12 @@ def _tracked_joints(
 
 def _bone_lengths(estimate: Trajectories, truth: Trajectories) -> BoneLengths:
     bones = common_bones(estimate.names)
-    pairs = [(estimate.names.index(a), estimate.names.index(b)) for a, b in bones]
+    start, end = (np.array([estimate.names.index(bone[i]) for bone in bones], dtype=int) for i in (0, 1))
     found = []
     for points in (estimate, truth):
-        lengths, valid = metrics.bone_lengths(points.positions_m, points.valid, pairs)
-        found += [1e3 * values for values in metrics.mean_and_std(lengths, valid)]
+        lengths = metrics.joint_errors(points.positions_m[:, start], points.positions_m[:, end])
+        known = np.ma.array(lengths, mask=~(points.valid[:, start] & points.valid[:, end]))
+        found += [1e3 * values.filled(np.nan) for values in (known.mean(axis=0), known.std(axis=0))]
     return BoneLengths(bones, *found)
 
 

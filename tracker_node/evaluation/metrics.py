@@ -6,7 +6,6 @@ where it is False the value is arbitrary. Means over nothing are not-a-number.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,24 +44,6 @@ def mean_error(errors: np.ndarray, valid: np.ndarray) -> float:
     return float(errors[valid].mean()) if valid.any() else float("nan")
 
 
-def mean_over(errors: np.ndarray, valid: np.ndarray, axis: int) -> np.ndarray:
-    """Mean of what is valid.
-
-    Parameters
-    ----------
-    errors : (n, m).
-    valid : (n, m).
-    axis : 0: a mean per landmark; 1: one per set.
-
-    Returns
-    -------
-    (m,) or (n,), NaN where nothing is valid.
-    """
-    count = valid.sum(axis=axis)
-    total = np.where(valid, errors, 0.0).sum(axis=axis)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
 def offset_free_errors(
     difference: np.ndarray, valid: np.ndarray, rotations: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -85,41 +66,6 @@ def offset_free_errors(
     count = np.maximum(valid.sum(axis=0), 1)[:, None]
     offsets = np.where(valid[..., None], difference, 0.0).sum(axis=0) / count
     return np.linalg.norm(difference - offsets, axis=-1), offsets
-
-
-def bone_lengths(positions: np.ndarray, valid: np.ndarray, bones: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
-    """Distances between pairs of landmarks.
-
-    Parameters
-    ----------
-    positions : (n, m, 3) meters.
-    valid : (n, m).
-    bones : b pairs of landmark indices.
-
-    Returns
-    -------
-    lengths : (n, b) meters.
-    valid : (n, b).
-    """
-    start, end = np.array([b[0] for b in bones], dtype=int), np.array([b[1] for b in bones], dtype=int)
-    return joint_errors(positions[:, start], positions[:, end]), valid[:, start] & valid[:, end]
-
-
-def mean_and_std(values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation over the sets, of what is valid.
-
-    Parameters
-    ----------
-    values : (n, b).
-    valid : (n, b).
-
-    Returns
-    -------
-    mean, std : (b,) each.
-    """
-    mean = mean_over(values, valid, axis=0)
-    variance = mean_over((values - np.where(np.isnan(mean), 0.0, mean)) ** 2, valid, axis=0)
-    return mean, np.sqrt(variance)
 
 
 def lost_sets(has_estimate: np.ndarray, said_lost: np.ndarray, errors: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -157,16 +103,8 @@ def lost_limbs(errors: np.ndarray, valid: np.ndarray) -> np.ndarray:
     lost = np.zeros(errors.shape[1], dtype=bool)
     for k in range(errors.shape[1]):
         off = errors[valid[:, k], k] > LOST_LIMB_M
-        lost[k] = _longest_series(off) >= LOST_LIMB_SETS or bool(len(off) and off[-1])
+        lost[k] = any(run.n_sets >= LOST_LIMB_SETS for run in intervals(off)) or bool(len(off) and off[-1])
     return lost
-
-
-def _longest_series(flags: np.ndarray) -> int:
-    longest = here = 0
-    for flag in flags:
-        here = here + 1 if flag else 0
-        longest = max(longest, here)
-    return longest
 
 
 def intersection_over_union(a: np.ndarray, b: np.ndarray) -> float:
@@ -252,10 +190,9 @@ def intervals(flags: np.ndarray, known: np.ndarray | None = None) -> tuple[Inter
     In order of time.
     """
     rows = np.arange(len(flags)) if known is None else np.flatnonzero(known)
-    on = np.concatenate([[False], np.asarray(flags, dtype=bool)[rows], [False]])
-    changes = np.flatnonzero(np.diff(on.astype(np.int8)))
-    pairs = zip(changes[::2], changes[1::2], strict=True)
-    return tuple(Interval(int(rows[a]), int(rows[b - 1]), bool(b < len(rows))) for a, b in pairs)
+    on = np.asarray(flags, dtype=bool)[rows]
+    series = np.ma.flatnotmasked_contiguous(np.ma.array(on, mask=~on))
+    return tuple(Interval(int(rows[s.start]), int(rows[s.stop - 1]), s.stop < len(rows)) for s in series)
 
 
 def times_with_gaps(times_s: np.ndarray, period_s: float) -> tuple[np.ndarray, np.ndarray]:

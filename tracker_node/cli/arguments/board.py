@@ -64,7 +64,7 @@ def check_markers(args: argparse.Namespace) -> None:
     from ...calibration.board.board import dictionaries
 
     if not 0.1 <= args.marker_ratio < 1.0:
-        raise wrong_option("--marker-ratio", "0.1 or more, and less than 1", args.marker_ratio)
+        raise FileFormatError("command line", "--marker-ratio", "0.1 or more, and less than 1", args.marker_ratio)
     if args.dictionary not in dictionaries():
         raise UnknownNameError("dictionary", args.dictionary, dictionaries())
 
@@ -82,15 +82,15 @@ def board_of(args: argparse.Namespace) -> Board:
     columns, rows = size_option(option, text, "columns x rows from 3x3 to 100x100, such as 4x5", 3, 100)
     if not _SQUARE_M[0] <= args.square <= _SQUARE_M[1]:
         hint = f"; {args.square:g} mm would be {1e-3 * args.square:g}" if 1e3 * _SQUARE_M[0] <= args.square else ""
-        raise wrong_option("--square", f"the edge of a square in meters, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}", args.square)
+        expected = f"the edge of a square in meters, {_SQUARE_M[0]} to {_SQUARE_M[1]}{hint}"
+        raise FileFormatError("command line", "--square", expected, args.square)
     check_markers(args)
     kind = "charuco" if args.charuco else "chessboard"
     board = Board(kind, columns, rows, args.square, args.marker_ratio, args.dictionary, args.inverted, args.legacy)
     if board.n_markers > n_markers(board.dictionary):
         most = n_markers(board.dictionary)
-        raise wrong_option(
-            option, f"a board of at most the {most} markers of {board.dictionary}, one on every second square", text
-        )
+        expected = f"a board of at most the {most} markers of {board.dictionary}, one on every second square"
+        raise FileFormatError("command line", option, expected, text)
     return board
 
 
@@ -113,7 +113,7 @@ def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str,
     from ...loaders.images.source import open_recordings
 
     if args.images < 10:
-        raise wrong_option("--images", "at least 10", args.images)
+        raise FileFormatError("command line", "--images", "at least 10", args.images)
     paths: dict[str, str] = {}
     for text in args.videos:
         name, path = _name_and_path(text)
@@ -169,21 +169,5 @@ def _name_and_path(text: str) -> tuple[str, str]:
         name = re.sub(r"\W", "_", Path(text).stem if Path(text).suffix else Path(text).name)
         name = name if name[:1].isalpha() else f"cam_{name}"
     if not (name.isidentifier() and name.isascii()):
-        raise wrong_option("--videos", "camera names of letters, digits and _ (NAME=FILE)", text)
+        raise FileFormatError("command line", "--videos", "camera names of letters, digits and _ (NAME=FILE)", text)
     return name, path
-
-
-def wrong_option(option: str, expected: str, got: object) -> FileFormatError:
-    """Error on an option of the command line.
-
-    Parameters
-    ----------
-    option : such as ``--square``.
-    expected : in words.
-    got : as given.
-
-    Returns
-    -------
-    error : to be raised.
-    """
-    return FileFormatError("command line", option, expected, got)

@@ -79,10 +79,11 @@ def add_up_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...calibration.body import ScalingOptions, model_stature, place_by_states, scale_to_stature, scale_to_trial
+    from ...calibration.body import ScalingOptions, model_stature, place_by_states, scale_to_trial
     from ...loaders.model.model_yaml import dump_model, load_model
     from ...loaders.motion.trc import load_trc
     from ...model.humans.human import human_model
+    from ...model.scaling import scaled_uniformly
 
     given = args.model or args.from_run
     check(not (args.stiff_ankles and given), "--stiff-ankles", "no --model or --from-run, which have their own joints", "both")
@@ -102,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     sigma_m = None if args.joint_sigma_mm is None else args.joint_sigma_mm / 1000.0
     options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=args.stature)
     if not args.trc:
-        scaled = scale_to_stature(model, args.stature)
+        scaled = scaled_uniformly(model, args.stature / model_stature(model))
     elif args.states:
         scaled = place_by_states(model, load_trc(args.trc, args.y_up), args.states, options)
         print(f"placed the landmarks of {model.name} by the states of {args.states}")

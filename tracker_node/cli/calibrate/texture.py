@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..arguments.board import add_markers, check_markers, wrong_option
+from ...errors import FileFormatError
+from ..arguments.board import add_markers, check_markers
 from ..arguments.cameras import size_option
 
 SUMMARY = "make a model of a flat plate with a texture on it: a photo or print file, or a ChArUco board that is drawn"
@@ -33,7 +34,8 @@ def run(args: argparse.Namespace) -> int:
     image, texels_per_m = _drawn(args) if args.charuco else _read(args)
     height, width = image.shape[:2]
     if not 0 <= args.border <= 1000 or not 0 <= args.border_gray <= 255 or not 0.0 < args.thickness < 1.0:
-        raise wrong_option("--border, --border-gray, --thickness", "0..1000 mm, 0..255, 0..1 m", vars(args)["border"])
+        options = "--border, --border-gray, --thickness"
+        raise FileFormatError("command line", options, "0..1000 mm, 0..255, 0..1 m", vars(args)["border"])
     wide = round(1e-3 * args.border * texels_per_m)
     whole = framed(image, [(wide, wide, wide, wide, args.border_gray)])
     origin = wide + width / 2.0, wide + height / 2.0
@@ -50,7 +52,7 @@ def _read(args: argparse.Namespace):
     from ...loaders.model.mesh_file import read_texture
 
     if args.width is None or not 0.0 < args.width < 100.0:
-        raise wrong_option("--width", "the plate's width in meters, with --image", args.width)
+        raise FileFormatError("command line", "--width", "the plate's width in meters, with --image", args.width)
     image = read_texture(Path(args.image), "command line", "--image")
     return image, image.shape[1] / args.width
 
@@ -62,11 +64,12 @@ def _drawn(args: argparse.Namespace):
 
     columns, rows = size_option("--charuco", args.charuco, "columns x rows from 2x2 to 100x100, such as 4x5", 2, 100)
     if args.square is None or not 0.0 < args.square < 10.0:
-        raise wrong_option("--square", "the edge of a square in meters, with --charuco", args.square)
+        raise FileFormatError("command line", "--square", "the edge of a square in meters, with --charuco", args.square)
     check_markers(args)
     texels_per_m = max(1000.0, 40.0 / args.square)
     try:
         board = (columns, rows, args.square, args.marker_ratio, args.dictionary, args.inverted)
         return charuco_texture(*board, texels_per_m), texels_per_m
     except cv2.error as error:
-        raise wrong_option("--charuco", "a board that OpenCV can draw with this dictionary", str(error).strip()) from None
+        expected = "a board that OpenCV can draw with this dictionary"
+        raise FileFormatError("command line", "--charuco", expected, str(error).strip()) from None

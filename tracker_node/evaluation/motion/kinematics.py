@@ -117,10 +117,9 @@ def derivatives(values: np.ndarray, valid: np.ndarray, rate_hz: float) -> tuple[
 
 def stretches(valid: np.ndarray) -> Iterator[slice]:
     """Where at least `SHORTEST` samples follow each other without a gap."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(int)))
-    for start, stop in edges.reshape(-1, 2):
-        if stop - start >= SHORTEST:
-            yield slice(int(start), int(stop))
+    for stretch in np.ma.flatnotmasked_contiguous(np.ma.array(valid, mask=~valid)):
+        if stretch.stop - stretch.start >= SHORTEST:
+            yield stretch
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,15 +89,15 @@ class ExportRequest:
         """
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in (None, *choices):
-                raise wrong(name, f"one of {', '.join(choices)}", getattr(self, name))
+                raise FileFormatError(WHERE, name, f"one of {', '.join(choices)}", getattr(self, name))
         for name, formats in _USED_BY.items():
             if getattr(self, name) and to not in formats:
-                raise wrong(name, f"{' or '.join(formats)} where it is given", to)
+                raise FileFormatError(WHERE, name, f"{' or '.join(formats)} where it is given", to)
         if self.lost == "limbs" and to not in _LIMB_GAPS:
-            raise wrong("lost", f"{' or '.join(_LIMB_GAPS)} where it is 'limbs'", to)
+            raise FileFormatError(WHERE, "lost", f"{' or '.join(_LIMB_GAPS)} where it is 'limbs'", to)
         y_up = (self.up or ("y" if to in _Y_UP or self.coordinates == "opensim" else "z")) == "y"
         if self.coordinates == "opensim" and not y_up:
-            raise wrong("up", "y, as OpenSim's coordinates have it", "z")
+            raise FileFormatError(WHERE, "up", "y, as OpenSim's coordinates have it", "z")
         return ExportOptions(
             y_up=y_up,
             unit=self.length or ("mm" if to in _MILLIMETRES else "m"),
@@ -137,11 +137,12 @@ def format_of(to: str | None, output: Path) -> str:
     """
     named = output.suffix.lower().removeprefix(".")
     if to is None and named not in FORMATS:
-        raise wrong("to", f"one of {', '.join(FORMATS)}, or an output with such a suffix", output)
+        raise FileFormatError(WHERE, "to", f"one of {', '.join(FORMATS)}, or an output with such a suffix", output)
     if to is not None and to not in FORMATS:
-        raise wrong("to", f"one of {', '.join(FORMATS)}", to)
+        raise FileFormatError(WHERE, "to", f"one of {', '.join(FORMATS)}", to)
     if to is not None and named in FORMATS and to != named:
-        raise wrong("to", f"the format that the output's suffix names, {named}, or another output", f"{to} for {output}")
+        expected = f"the format that the output's suffix names, {named}, or another output"
+        raise FileFormatError(WHERE, "to", expected, f"{to} for {output}")
     return to or named
 
 
@@ -175,26 +176,11 @@ def export_run(run: RunData, model: ArticulatedModel, output: Path, to: str, req
     return Exported(motion, options, notes + _write(motion, output, to, options, kinematics))
 
 
-def wrong(option: str, expected: str, got: object) -> FileFormatError:
-    """The error of an option.
-
-    Parameters
-    ----------
-    option : name of a field of `ExportRequest`, or ``to``.
-    expected, got : as `FileFormatError` has them.
-
-    Returns
-    -------
-    The error, to be raised.
-    """
-    return FileFormatError(WHERE, option, expected, got)
-
-
 def _at_rate(motion: RunMotion, to: str, request: ExportRequest) -> tuple[RunMotion, list[str]]:
     """At a constant rate where the format, the filter or the user wants one; and what was done for that."""
     rate_hz = request.rate_hz
     if rate_hz is not None and not 0.0 < rate_hz <= 1e6:
-        raise wrong("rate_hz", "a rate above 0 Hz", rate_hz)
+        raise FileFormatError(WHERE, "rate_hz", "a rate above 0 Hz", rate_hz)
     if rate_hz is None and request.filter_hz is None and to not in AT_CONSTANT_RATE:
         return motion, []
     motion, done = at_constant_rate(motion, rate_hz)
@@ -205,10 +191,10 @@ def _filtered(motion: RunMotion, cutoff: float | str) -> StateKinematics:
     try:
         found = state_kinematics(motion, None if cutoff == "auto" else float(cutoff))
     except ValueError as error:
-        raise wrong("filter_hz", "'auto' or a cutoff in Hz", f"{cutoff} ({error})") from None
+        raise FileFormatError(WHERE, "filter_hz", "'auto' or a cutoff in Hz", f"{cutoff} ({error})") from None
     if not found.motion.valid.any():
         expected = f"a run with at least {SHORTEST} sets without a gap"
-        raise wrong("filter_hz", expected, f"shorter stretches ({len(motion)} sets)")
+        raise FileFormatError(WHERE, "filter_hz", expected, f"shorter stretches ({len(motion)} sets)")
     return found
 
 

@@ -8,7 +8,6 @@ Gordon et al. (1989), *1988 Anthropometric Survey of U.S. Army Personnel* (mean 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 SURVEY_STATURE = 1.756  # meters, mean of the men of the 1988 survey
@@ -132,19 +131,3 @@ def mirrored_name(name: str) -> str:
         if name.startswith(side):
             return other + name.removeprefix(side)
     return name
-
-
-def known_landmarks(markers: Iterable[str], landmarks: Iterable[str]) -> dict[str, str]:
-    """Landmarks of those markers that a body has, by either name.
-
-    Parameters
-    ----------
-    markers, landmarks : names of markers in a file, and of the body's landmarks.
-
-    Returns
-    -------
-    Marker -> landmark.
-    """
-    landmarks = set(landmarks)
-    pairs = {marker: landmark_of_marker(marker) for marker in markers}
-    return {marker: landmark for marker, landmark in pairs.items() if landmark in landmarks}
