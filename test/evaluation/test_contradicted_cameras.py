@@ -8,9 +8,9 @@ import pytest
 from helpers.cameras.small_clip import make_clip
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3
-from tracker_node.loaders.config_yaml import load_parameters
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
+from tracker_node.runs.config_file import load_parameters
 from tracker_node.runs.offline import OfflineRun, run_offline
 from tracker_node.tracking.config import from_dict
 
@@ -23,7 +23,7 @@ def clip(tmp_path_factory):
 
 
 def run(clip, rig_file, output):
-    config = from_dict({**load_parameters(clip.config_file, "tracker"), "self_check": {"angle_deg": 0.5}})
+    config = from_dict({**load_parameters(clip.config_file), "self_check": {"angle_deg": 0.5}})
     return run_offline(OfflineRun(load_rig(rig_file), clip.model, config, clip.states[0]), output)
 
 

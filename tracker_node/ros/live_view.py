@@ -29,8 +29,9 @@ from tracker_msgs.msg import TrackedState
 from ..errors import TrackerError, UnknownNameError
 from ..loaders.bag.images import COMPRESSED, RAW
 from ..loaders.json_values import finite
+from ..runs.messages import jpeg_of
 from ..tracking.estimate import LimbStatus, Status
-from .conversions import compressed_message, decode_raw_image, message_class, stamp_ns_of
+from .conversions import decode_raw_image, message_class, stamp_ns_of
 from .guarded_node import GuardedNode
 from .qos import RESULT, SENSOR, use_fastdds_profile
 
@@ -57,7 +58,7 @@ class LiveImage:
         """As a JPEG (or whatever a compressed topic holds); raw images are encoded when this is called."""
         if isinstance(self.content, CompressedImage):
             return bytes(self.content.data)
-        return bytes(compressed_message(0, "", decode_raw_image(topic, self.content).bgr).data)
+        return bytes(jpeg_of(decode_raw_image(topic, self.content).bgr))
 
 
 class LiveView:

@@ -11,15 +11,20 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import FileFormatError
-from ..loaders.config_yaml import dump_parameters, load_parameters
-from ..loaders.file_model import BODY, RECORDING, RIG, FileModel, kind_of, validate
+from ..loaders.file_model import BODY, PARAMETERS, RECORDING, RIG, FileModel, check_kind, kind_of, validate
 from ..loaders.model.model_file import ModelFile
 from ..loaders.recording_yaml import RecordingFile
 from ..loaders.rig.rig_yaml import RigFile
 from ..loaders.whole_file import read_text, write_whole
-from ..loaders.yaml_file import read_mapping
+from ..loaders.yaml_file import read_mapping, write_mapping
 from ..tracking.config import TrackerConfig, flatten, from_dict
 from ..tracking.migration import migrated
+from ..tracking.parameters import nested
+
+_ROS_KEY = "ros__parameters"
+# Parameters that rclpy gives every node; they mean nothing to the core.
+_ROS_OWN = ("use_sim_time", "qos_overrides", "start_type_description_service")
+_NODE = ("/**", "tracker", "/tracker")
 
 
 def load_config(path: str | Path) -> TrackerConfig:
@@ -30,7 +35,7 @@ def load_config(path: str | Path) -> TrackerConfig:
     ------
     FileFormatError : naming file and parameter, the range or the choices, and the value.
     """
-    return from_dict(load_parameters(path, "tracker"), str(path))
+    return from_dict(load_parameters(path), str(path))
 
 
 def dump_config(config: TrackerConfig, path: str | Path) -> None:
@@ -41,7 +46,50 @@ def dump_config(config: TrackerConfig, path: str | Path) -> None:
     config : of the tracker.
     path : of the file.
     """
-    dump_parameters(flatten(config), path, "Parameters of the tracker.")
+    _write_parameters(flatten(config), path, "Parameters of the tracker.")
+
+
+def load_parameters(path: str | Path) -> dict[str, Any]:
+    """Parameters of a file, nested as they stand there: a plain mapping, or the parameter file of a ROS node.
+
+    That may hold sections for several nodes: those named ``/**``, ``tracker`` or ``/tracker`` are taken, a later one over an
+    earlier one.
+
+    Raises
+    ------
+    FileFormatError : naming file and section.
+    """
+    values = read_mapping(path)
+    check_kind(values, PARAMETERS, path)
+    if any(isinstance(section, dict) and _ROS_KEY in section for section in values.values()):
+        return _ros_parameters(values, path)
+    return values
+
+
+def _write_parameters(parameters: Mapping[str, Any], path: str | Path, comment: str) -> None:
+    """As a file that ``--params-file`` reads, too."""
+    write_mapping({"/**": {_ROS_KEY: nested(parameters, str(path))}}, path, comment)
+
+
+def _ros_parameters(values: dict[str, Any], path: str | Path) -> dict[str, Any]:
+    merged: dict[str, Any] = {}
+    for name, section in values.items():
+        if not isinstance(section, dict) or set(section) != {_ROS_KEY}:
+            raise FileFormatError(path, str(name), f"a section with {_ROS_KEY} only", section)
+        parameters = section[_ROS_KEY]
+        if not isinstance(parameters, dict):
+            raise FileFormatError(path, f"{name}.{_ROS_KEY}", "a mapping", parameters)
+        if name in _NODE:
+            _merge(merged, {key: value for key, value in parameters.items() if key not in _ROS_OWN})
+    return merged
+
+
+def _merge(target: dict[str, Any], source: dict[str, Any]) -> None:
+    for key, value in source.items():
+        if isinstance(value, dict) and isinstance(target.get(key), dict):
+            _merge(target[key], value)
+        else:
+            target[key] = value
 
 
 _RENAMED_KEYS: dict[str, tuple[str, str, type[FileModel]]] = {
@@ -81,7 +129,7 @@ def migrate(path: Path, output: Path) -> list[str]:
     values, dropped = migrated(load_parameters(path))
     from_dict(values, str(path))
     comment = "Parameters of the tracker; what is not here has its default."
-    _replace(path, output, lambda: dump_parameters(values, output, comment))
+    _replace(path, output, lambda: _write_parameters(values, output, comment))
     return dropped
 
 

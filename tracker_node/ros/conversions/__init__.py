@@ -15,7 +15,7 @@ from .images import (
     image_message,
     jpeg_message,
 )
-from .messages import fill, message_class, message_of, stamp_message, state_of_pose, transform_of_pose, values_with_changes
+from .messages import fill, message_class, message_of, stamp_message, transform_of_pose, values_with_changes
 
 __all__ = [
     "ImageBuffer",
@@ -31,7 +31,6 @@ __all__ = [
     "message_of",
     "stamp_message",
     "stamp_ns_of",
-    "state_of_pose",
     "transform_of_pose",
     "values_with_changes",
 ]

@@ -21,7 +21,6 @@ from ...errors import TrackerError, UnknownNameError
 from ...geometry import se3, so3
 from ...loaders.bag.message_types import time_of
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
 
 Setter = Callable[[Any, Any], None]
 _SCALARS: dict[str, type] = {"boolean": bool, "float": float, "double": float}
@@ -175,21 +174,6 @@ def transform_of_pose(pose: Pose) -> np.ndarray:
     if not np.all(np.isfinite(numbers)) or np.linalg.norm(numbers[3:]) < 1e-6:
         raise TrackerError(f"pose: expected finite numbers and a quaternion of length one, got {numbers.tolist()}")
     return se3.from_rotation_translation(so3.matrix_from_xyzw(numbers[3:]), numbers[:3])
-
-
-def state_of_pose(pose: Pose, joint_positions: np.ndarray) -> State:
-    """A state with this root pose.
-
-    Parameters
-    ----------
-    pose : geometry_msgs/Pose of the root.
-    joint_positions : (n_joint_dof,) angles in radians.
-
-    Returns
-    -------
-    state : of the body.
-    """
-    return State(transform_of_pose(pose), np.array(joint_positions, dtype=np.float64))
 
 
 def values_with_changes(

@@ -13,7 +13,7 @@ from tracker_msgs.srv import SetState
 from ...errors import TrackerError, shown
 from ...model.configuration import State, refuse_implausible
 from ...tracking.config import KEYPOINTS
-from ..conversions import state_of_pose, values_with_changes
+from ..conversions import transform_of_pose, values_with_changes
 from ..qos import RESULT
 from .options import TrackerOptions
 from .worker import TrackingWorker
@@ -112,8 +112,8 @@ class TrackerServices:
         try:
             self._check_frame(message.header.frame_id)
             worker = self._configured()
-            joints = State.from_values(self._values_now(worker)).joint_positions
-            state = state_of_pose(message.pose.pose, joints)
+            now = State.from_values(self._values_now(worker))
+            state = State(transform_of_pose(message.pose.pose), now.joint_positions)
             refuse_implausible(self._options.model, state.to_values())
             worker.set_state(state)
         except TrackerError as error:
