@@ -160,14 +160,8 @@ def upright(up: np.ndarray) -> WorldChange:
     TrackerError : it has no length.
     """
     _check_vertical(up)
-    up = up / np.linalg.norm(up)
-    axis, cosine = np.cross(up, UP), float(up @ UP)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
-        rotation = np.eye(3) if cosine > 0.0 else np.diag([1.0, -1.0, -1.0])
-    else:
-        rotation = Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix()
-    return WorldChange(rotation, np.zeros(3))
+    rotation, _ = Rotation.align_vectors(UP[None], up[None])
+    return WorldChange(rotation.as_matrix(), np.zeros(3))
 
 
 def scaled(factor: float) -> WorldChange:

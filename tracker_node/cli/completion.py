@@ -16,5 +16,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from argcomplete import shellcode
 
-    print(shellcode(["tracker_node"], shell=args.shell))
+    print(shellcode(["tracker_node"], True, args.shell))
     return 0

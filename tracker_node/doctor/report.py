@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ..camera.rig import Camera, CameraRig
+from ..camera.rig import Camera, CameraRig, epipolar_curve
 from ..report.page import PageSection, write_page
 from .diagnosis import Examination
 from .recording import CameraRecording
@@ -18,6 +19,7 @@ from .setup import FAULTS, Finding, Setup
 
 PAGE, JSON = "index.html", "findings.json"
 _LONGER_SIDE = 960
+_LETTER_PX = 8  # of a banner, a little more than most
 _COLORS_BGR = ((60, 60, 230), (60, 180, 60), (230, 120, 40), (30, 190, 230), (200, 70, 200), (190, 190, 60))
 _MOVES = 0.3  # fraction of full motion from which on a place is drawn
 _LINE_TEXT = (
@@ -118,7 +120,7 @@ def _draw_motion(
         if other.name == name or not len(moving):
             continue
         for pixel in (moving[np.argmin(moving[:, 1])], moving[np.argmax(moving[:, 1])]):
-            line = _line_of_sight(camera, other, pixel, setup.center) * factor
+            line = epipolar_curve(other, pixel, camera) * factor
             cv2.polylines(image, [np.round(line).astype(np.int32)], False, colors[other.name], 2, cv2.LINE_AA)
         cv2.putText(
             image, other.name, (6, 22 + 22 * list(colors).index(other.name)), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colors[other.name],
@@ -126,26 +128,10 @@ def _draw_motion(
         )  # fmt: skip
 
 
-def _line_of_sight(camera: Camera, other: Camera, pixel: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """Where ``camera`` sees the line of sight of a pixel of ``other``, pixels (n, 2), from near it to far behind the scene."""
-    ray = other.T_world_cam[:3, :3] @ other.model.rays(pixel)[0]
-    distances = np.linalg.norm(center - other.center) * np.geomspace(0.2, 5.0, 200)
-    pixels, seen = camera.project(other.center + distances[:, None] * ray)
-    inside = seen & (np.abs(pixels).max(axis=1) < 4.0 * max(camera.model.width, camera.model.height))
-    return pixels[inside]
-
-
 def _banner(text: str, width: int, alarm: bool) -> np.ndarray:
     """Lines of text on red or green, as wide as the image."""
     size, height = 0.5, 20
-    lines, line = [], ""
-    for word in text.split():
-        longer = f"{line} {word}".strip()
-        if cv2.getTextSize(longer, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0] > width - 12 and line:
-            lines.append(line)
-            longer = word
-        line = longer
-    lines.append(line)
+    lines = textwrap.wrap(text, max(1, (width - 12) // _LETTER_PX))
     banner = np.full((height * len(lines) + 10, width, 3), (40, 40, 170) if alarm else (60, 110, 40), dtype=np.uint8)
     for i, words in enumerate(lines):
         place = (6, height * (i + 1))

@@ -8,7 +8,7 @@ import pytest
 
 from helpers.sources import bag_samples
 from tracker_node.errors import SourceError
-from tracker_node.loaders.bag.images import camera_images, image_topics
+from tracker_node.loaders.bag.images import image_of, image_topics
 from tracker_node.loaders.bag.message_types import typestore
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagWriter
@@ -16,7 +16,7 @@ from tracker_node.loaders.bag.writer import BagWriter
 
 def images_of(path: Path, camera: str = "cam01"):
     with BagReader(path) as reader:
-        return list(camera_images(reader, image_topics(reader, [camera])))
+        return [image_of(reader, message, camera) for message in reader.messages(image_topics(reader, [camera]))]
 
 
 def test_pixels_and_stamps_come_back_as_views(tmp_path: Path) -> None:

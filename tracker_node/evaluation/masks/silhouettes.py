@@ -12,7 +12,7 @@ import numpy as np
 
 from ...camera.rig import Camera, CameraRig
 from ...errors import SourceError, TrackerError
-from ...loaders.bag.images import camera_images, image_topics
+from ...loaders.bag.images import image_of, image_topics
 from ...loaders.bag.reader import BagReader
 from ...loaders.images.source import SourceOptions, open_camera_source
 from ...model.articulated import ArticulatedModel
@@ -200,7 +200,8 @@ def _bag_images(task: _Task, camera: Camera, wanted: set[int], bag: Path) -> Ite
         topics = image_topics(reader, [camera.name])
         if not topics:
             raise SourceError(camera.name, f"the rig names no source, and {bag} holds no images")
-        for image in camera_images(reader, topics):
+        for message in reader.messages(topics):
+            image = image_of(reader, message, camera.name)
             offset = (image.stamp_ns - int(task.run.stamps_ns[0])) / task.period_ns
             number = round(offset) + task.options.first_image
             if number in wanted and abs(offset - round(offset)) < SAME_TIME_STEP:

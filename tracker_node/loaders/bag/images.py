@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -44,25 +44,6 @@ def image_topics(reader: BagReader, cameras: Iterable[str]) -> dict[str, str]:
                 chosen[topics[0]] = camera
                 break
     return chosen
-
-
-def camera_images(reader: BagReader, topics: dict[str, str]) -> Iterator[CameraImage]:
-    """Images of cameras in the order of recording, pixels as read-only views where possible.
-
-    Parameters
-    ----------
-    reader, topics : open bag; topic -> camera.
-
-    Yields
-    ------
-    One image of one camera.
-
-    Raises
-    ------
-    SourceError : an encoding that cannot be used, or a damaged image.
-    """
-    for message in reader.messages(topics):
-        yield image_of(reader, message, topics[message.topic])
 
 
 def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage:
