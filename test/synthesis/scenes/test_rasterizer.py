@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.synthesis.scenes.rasterizer import KEY_DIRECTION, LIGHTS, _looking_along, _vertex_normals, light_coordinates
+from tracker_node.synthesis.scenes.rasterizer import KEY_DIRECTION, LIGHTS, _looking_along, light_coordinates, vertex_normals
 
 
 def test_the_key_light_is_the_first():
@@ -33,7 +33,7 @@ def test_a_view_along_a_direction(way):
 def test_normals_are_averaged_by_area():
     """A right angle between a face of area 1/2 and one of area 1 at the edge that they share."""
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 2], [9, 9, 9]])
-    normals = _vertex_normals(vertices, np.array([[0, 1, 2], [0, 3, 1]]))
+    normals = vertex_normals(vertices, np.array([[0, 1, 2], [0, 3, 1]]))
     np.testing.assert_allclose(normals[2], [0.0, 0.0, 1.0])
     np.testing.assert_allclose(normals[3], [0.0, 1.0, 0.0])
     np.testing.assert_allclose(normals[:2], np.tile(np.array([0.0, 2.0, 1.0]) / 5**0.5, (2, 1)))

@@ -77,12 +77,12 @@ class Rasterizer(Closing):
             texture = pyrender.Texture(source=np.ascontiguousarray(mesh.texture), source_channels="RGB")
             material = pyrender.MetallicRoughnessMaterial(baseColorTexture=texture, doubleSided=True, **arguments)
             extra = {"texcoord_0": mesh.uv.astype(np.float32)}
-            normals = _vertex_normals(mesh.vertices, mesh.faces)
+            normals = vertex_normals(mesh.vertices, mesh.faces)
         else:
             material = pyrender.MetallicRoughnessMaterial(**arguments)
             linear = (mesh.colors_rgb / 255.0) ** 2.2
             extra = {"color_0": np.hstack([linear, np.ones((len(linear), 1))]).astype(np.float32)}
-            normals = _vertex_normals(mesh.vertices, mesh.faces) if mesh.normals is None else mesh.normals
+            normals = vertex_normals(mesh.vertices, mesh.faces) if mesh.normals is None else mesh.normals
         primitive = pyrender.Primitive(
             positions=mesh.vertices.astype(np.float32), normals=normals.astype(np.float32), material=material,
             indices=np.ascontiguousarray(mesh.faces, dtype=np.uint32), **extra,
@@ -174,8 +174,18 @@ def light_coordinates(points: np.ndarray, center: np.ndarray, half_size: float, 
     return np.stack([u, v], axis=-1)
 
 
-def _vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(n, 3) unit, those of the faces around each vertex averaged by area."""
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Normals of vertices: those of their faces, averaged by area.
+
+    Parameters
+    ----------
+    vertices : (n, 3).
+    faces : (m, 3) vertex indices.
+
+    Returns
+    -------
+    (n, 3) unit normals.
+    """
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     return mean_vertex_normals(len(vertices), faces, np.cross(b - a, c - a))
 
