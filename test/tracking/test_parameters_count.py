@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from helpers.bodies import textured_plate
-from helpers.bodies.detected_people import seen_by, with_mask
+from helpers.bodies.detected_people import seen_by, with_mask, with_skeletons
 from helpers.cameras.start_scenes import scene, standing
 from helpers.studio.small_studio import Recording, recording
 from tracker_node.camera.rig import CameraRig
@@ -99,11 +99,12 @@ def followed(config: TrackerConfig) -> str:
 
 
 def pointed(config: TrackerConfig) -> str:
-    """A person whom a detector finds in four cameras, with points of which it is not quite sure."""
+    """A person whom a detector finds in four cameras, with points and depths of which it is not quite sure."""
     clip, estimates = recording(), []
     tracker = Tracker(clip.rig, clip.model, config, None, clip.states[0])
     for i in range(3):
         people = seen_by(clip.rig, clip.states[i], np.random.default_rng(i), 1.5, score=0.8)
+        people = with_skeletons(clip.rig, people, clip.states[0])
         masked = [with_mask(person, camera, clip.states[i]) for person, camera in zip(people, clip.rig, strict=True)]
         images = zip(clip.sets[i].images, masked, strict=True)
         estimates.append(tracker.step(replace(clip.sets[i], images=tuple(replace(one, people=(p,)) for one, p in images))))

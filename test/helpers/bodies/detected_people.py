@@ -1,6 +1,6 @@
 """People as a detector would find them: the landmarks of a body in a known state, with known offsets, in the images of a rig."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoints import BLAZEPOSE
+from tracker_node.model.humans.keypoints import BLAZEPOSE, GUESSED_SIZE
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.people import People, Person, Silhouette
@@ -80,6 +80,16 @@ def seen_by(
     """A body in each camera of a rig."""
     points = places(state, model, offsets)
     return [person_at(camera, points, rng, sigma_px, **more) for camera in rig]
+
+
+def with_skeletons(rig: CameraRig, people: Sequence[Person], state: State) -> list[Person]:
+    """People with guesses that are right: of a body of usual size in a state, in the axes of each camera."""
+    result = []
+    for camera, person in zip(rig, people, strict=True):
+        skeleton = np.full((len(NAMES), 3), np.nan)
+        skeleton[ROWS] = places(state) @ camera.T_cam_world[:3, :3].T / GUESSED_SIZE
+        result.append(replace(person, skeleton=skeleton))
+    return result
 
 
 def swapped(person: Person) -> Person:

@@ -108,7 +108,7 @@ def person_run(place: Place) -> None:
 
 def static_trial(place: Place) -> None:
     """A person who stands still, and a run that has found exactly that."""
-    model = human_model()
+    model = human_model(ankles=True)
     state, stamps = State.neutral(model), np.round(np.arange(5) * 1e9 / RATE_HZ).astype(np.int64)
     positions = np.repeat(Configuration(model, state).landmarks_world[None], 5, axis=0)
     valid = np.ones(positions.shape[:2], dtype=bool)

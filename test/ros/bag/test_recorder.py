@@ -108,7 +108,7 @@ def test_a_topic_with_its_type_is_subscribed_before_it_exists(node: Node, tmp_pa
         "/x:zoo_msgs/msg/X",
     )  # fmt: skip
     recorder.wait_for("recorder: ready, 3 topics")
-    early = node.create_publisher(String, "/early", 10)
+    early = node.create_publisher(String, "/early", 100)
     hurried = node.create_publisher(String, "/hurried", BEST_EFFORT)
     send(early, [String(data=str(i)) for i in range(20)])
     send(hurried, [String(data=str(i)) for i in range(20)])
@@ -175,7 +175,7 @@ def test_a_killed_recorder_leaves_what_it_had_flushed(node: Node, tmp_path: Path
     recorder = start("recorder", "--output", str(tmp_path / "run"), "--topics", "/early:std_msgs/msg/String")
     recorder.wait_for("recorder: ready")
     heard = Heard(node)
-    early = node.create_publisher(String, "/early", 10)
+    early = node.create_publisher(String, "/early", 100)
     send(early, [String(data=str(i)) for i in range(20)])
     heard.until(lambda: heard.value("bag", "messages") == "20")
     assert heard.value("bag", "lost") == "0"

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from helpers.bodies.bodies import crane
-from helpers.bodies.detected_people import HUMAN, NAMES, POINTS, places, posed, seen_by, without
+from helpers.bodies.detected_people import HUMAN, NAMES, POINTS, places, posed, seen_by, with_skeletons, without
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.keypoints import BLAZEPOSE, GUESSED_BONES, GUESSED_SIZE
+from tracker_node.model.humans.keypoints import BLAZEPOSE, GUESSED_BONES
 from tracker_node.model.humans.measures import HumanMeasures
 from tracker_node.objective.keypoints.kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, U, V
 from tracker_node.tracking.config import KeypointConfig
@@ -44,19 +44,9 @@ def test_the_points_of_a_table_have_the_offsets_of_a_body_of_this_size():
         np.testing.assert_allclose(body.priors[k] @ body.covariances[k], np.eye(3), atol=1e-9)
 
 
-def with_skeletons(people, state):
-    """Guesses that are right: of a body of usual size, in the axes of each camera."""
-    result = []
-    for camera, person in zip(RIG, people, strict=True):
-        skeleton = np.full((len(NAMES), 3), np.nan)
-        skeleton[[NAMES.index(name) for name in POINTS]] = places(state) @ camera.T_cam_world[:3, :3].T / GUESSED_SIZE
-        result.append(replace(person, skeleton=skeleton))
-    return result
-
-
 def test_depths_of_bones_and_the_distance_are_those_of_a_skeleton_that_is_right():
     made = modality()
-    people = with_skeletons(seen_by(RIG, TRUE), TRUE)
+    people = with_skeletons(RIG, seen_by(RIG, TRUE), TRUE)
     people[1] = replace(people[1], skeleton=None)
     made.set_images((), TRUE, None, people)
     depths, at = made.correspond(TRUE, 1.0)._depths, in_order(made, places(TRUE))
@@ -74,7 +64,7 @@ def test_depths_of_bones_and_the_distance_are_those_of_a_skeleton_that_is_right(
 
 def test_one_camera_knows_by_a_skeleton_how_far_the_body_is_and_not_without():
     sigmas = []
-    for people in (seen_by(RIG, TRUE), with_skeletons(seen_by(RIG, TRUE), TRUE)):
+    for people in (seen_by(RIG, TRUE), with_skeletons(RIG, seen_by(RIG, TRUE), TRUE)):
         made = modality()
         made.set_images((), TRUE, None, [people[0], None, None])
         H = made.correspond(TRUE, 1.0).linearize(TRUE).H + 1e-3 * np.eye(HUMAN.n_dof)
@@ -85,7 +75,7 @@ def test_one_camera_knows_by_a_skeleton_how_far_the_body_is_and_not_without():
 
 def test_guesses_have_no_say_where_they_have_no_weight():
     made = modality(replace(CONFIG, depth_weight=0.0))
-    made.set_images((), TRUE, None, with_skeletons(seen_by(RIG, TRUE), TRUE))
+    made.set_images((), TRUE, None, with_skeletons(RIG, seen_by(RIG, TRUE), TRUE))
     assert made.correspond(TRUE, 1.0)._depths is None
 
 

@@ -166,7 +166,8 @@ class CameraIngestNode(GuardedNode):
             if self._wait_for_subscribers():
                 with ImageFeed(self._opened.recorded) as self._feed:
                     answered = self._publish_all(self._feed)
-                if not answered:  # a writer may take seconds to learn that everything has arrived
+                # A writer may take seconds to learn that everything has arrived; who answers speaks for itself alone
+                if not answered or self._options.wait_for_subscribers > 1:
                     for outlet in self._outlets.values():
                         outlet.wait_until_delivered(_DELIVERY_S)
         finally:
