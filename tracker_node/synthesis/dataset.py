@@ -40,10 +40,7 @@ from .subjects.mannequin import LANDMARKS, MannequinSubject
 N_BACKGROUNDS = 10
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 _STATIC_IMAGES = 5
-_DRAWING = (
-    "render/opengl/tessellation", "synthesis/dataset", "synthesis/scenes/*", "synthesis/subjects/cones",
-    "synthesis/subjects/mannequin",
-)  # fmt: skip
+_DRAWING = ("dataset", "scenes/*", "subjects/cones", "subjects/mannequin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +155,7 @@ def _code_digest() -> str:
 
     Motions are not in it: a sequence has their content among its parameters.
     """
-    folder = Path(__file__).parents[1]
+    folder = Path(__file__).parent
     files = [file for name in _DRAWING for file in sorted(folder.glob(f"{name}.py"))]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 

@@ -4,18 +4,18 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.model.shapes.primitives import Ellipsoid
-from tracker_node.render.opengl.tessellation import tessellate
+from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 from tracker_node.synthesis.scenes.rasterizer import ColoredMesh, Rasterizer, light_coordinates
 from tracker_node.synthesis.scenes.scene import CameraImaging, SceneConfig, Studio, make_rig
+from tracker_node.synthesis.subjects.cones import tessellate
 
 POINTS = np.array([[0.0, 0.0, 0.9], [0.7, -0.5, 1.8], [-0.8, 0.6, 0.1], [0.2, 1.1, 1.2]])
 CLEAN = SceneConfig(n_cameras=3, noise_levels=0.0, blur_px=0.0, shadow=False)
 
 
 def sphere(center: np.ndarray, radius: float = 0.03) -> ColoredMesh:
-    (patch,) = tessellate(Ellipsoid((radius, radius, radius)), (255, 255, 255))
-    return ColoredMesh(patch.vertices + center, patch.faces, np.full(patch.vertices.shape, 255, np.uint8), patch.normals)
+    vertices, normals, faces = tessellate(Ellipsoid((radius, radius, radius)))
+    return ColoredMesh(vertices + center, faces, np.full(vertices.shape, 255, np.uint8), normals)
 
 
 def centroid(weight: np.ndarray) -> np.ndarray:
@@ -108,3 +108,25 @@ def test_cameras_stand_around_and_see_the_middle():
         pixel, valid = camera.project(np.array([0.0, 0.0, config.target_height]))
         assert valid and np.abs(pixel - [319.5, 239.5]).max() < 20.0
         assert camera.T_world_cam[:3, 1] @ [0.0, 0.0, -1.0] > 0.8  # upright: image rows run downward
+
+
+@pytest.mark.parametrize(
+    "primitive", [TruncatedCone(0.1, 0.06, -0.8, -0.05, 0.4), Ellipsoid((0.1, 0.2, 0.05)), Box((0.1, 0.2, 0.4))]
+)
+def test_meshes_are_closed_outward_and_of_the_right_volume(primitive):
+    vertices, normals, faces = tessellate(primitive)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+    if isinstance(primitive, TruncatedCone):
+        z = np.linspace(primitive.z1, primitive.z2, 20001)
+        expected = np.trapezoid(np.pi * primitive.a * primitive.b * (1.0 + primitive.k * z) ** 2, z)
+    elif isinstance(primitive, Ellipsoid):
+        expected = 4.0 / 3.0 * np.pi * np.prod(primitive.radii)
+    else:
+        expected = np.prod(primitive.size)
+    assert volume == pytest.approx(expected, rel=3e-3)
+    face_normals = np.cross(b - a, c - a)
+    area = np.linalg.norm(face_normals, axis=1)
+    real = area > 1e-12  # at the poles of an ellipsoid triangles have no area
+    alignment = np.einsum("ij,ij->i", face_normals[real] / area[real, None], normals[faces[real, 0]])
+    assert alignment.min() > 0.97
