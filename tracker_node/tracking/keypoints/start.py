@@ -17,7 +17,8 @@ from .fitting import KeypointFitting
 from .people_groups import PersonGroup, grouped
 
 _LEAST_PLACED = 4  # points by which a body is placed
-_SUITS = 3.0  # times what the points of the best person cost
+_SUITS = 3.0  # times what the points of the best person cost...
+_PERFECT = 0.05  # ...a point, in information units; of less, more says nothing
 _MOST_GROUPS = 4  # people who are tried
 _LEAST_SEEN = 0.5  # fraction of the cameras of the one whom most see: a passer-by hides the body from some
 _LEAST_APART_M = 0.3  # roots of two people
@@ -61,7 +62,7 @@ class PointStart:
                 found.append(each)
         if not found:
             return None
-        least = min(cost for _, cost in found)
+        least = max(min(cost for _, cost in found), _PERFECT)
         suits, place = [state for state, cost in found if cost <= _SUITS * least], self._focus if near is None else near
         return min(suits, key=lambda state: float(np.linalg.norm(state.T_world_root[:3, 3] - place)))
 
