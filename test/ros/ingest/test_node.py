@@ -85,7 +85,11 @@ def test_a_camera_without_images_is_named_and_the_others_go_on(probe, launch, re
     assert re.search(r"cam1: 12 published,.* 1 duplicated", process.out)  # and some late, on a busy machine
     status = probe.diagnostics
     ends = [f"camera_ingest: {name}" for name in ("cam2", "cam3")]
-    probe.spin_until(lambda: all(end in status and status[end].level == DiagnosticStatus.ERROR for end in ends), "both errors")
+
+    def in_error(end: str) -> bool:
+        return end in status and status[end].level == DiagnosticStatus.ERROR
+
+    probe.spin_until(lambda: all(map(in_error, ends)), "both errors", 20.0)
     assert "160x120 to 5x5" in status["camera_ingest: cam3"].message
     values = {v.key: v.value for v in status["camera_ingest: cam1"].values}
     assert values["published"] == "12" and values["duplicated"] == "1"
