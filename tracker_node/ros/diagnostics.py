@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
@@ -98,6 +99,10 @@ class Diagnostics:
             message = DiagnosticArray(status=statuses)
             message.header.stamp = stamp
             self._publisher.publish(message)
+
+    def wait_until_delivered(self, timeout_s: float) -> None:
+        """Until everything has arrived at those who listen: a node that ends takes with it what has not."""
+        self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))
 
     def _log(self, part: str, level: bytes, message: str) -> None:
         logger = self._node.get_logger()

@@ -160,6 +160,7 @@ class CameraIngestNode(GuardedNode):
         if self._thread.is_alive():
             self._thread.join(timeout=20.0)
         self._report()
+        self._diagnostics.wait_until_delivered(1.0)
 
     def _run(self) -> None:
         try:
