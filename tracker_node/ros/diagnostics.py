@@ -100,7 +100,7 @@ class Diagnostics:
             message.header.stamp = stamp
             self._publisher.publish(message)
 
-    def wait_until_delivered(self, timeout_s: float) -> None:
+    def wait_until_delivered(self, timeout_s: float = 1.0) -> None:
         """Until everything has arrived at those who listen: a node that ends takes with it what has not."""
         self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))
 

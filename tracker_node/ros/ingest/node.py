@@ -160,17 +160,15 @@ class CameraIngestNode(GuardedNode):
         if self._thread.is_alive():
             self._thread.join(timeout=20.0)
         self._report()
-        self._diagnostics.wait_until_delivered(1.0)
+        self._diagnostics.wait_until_delivered()
 
     def _run(self) -> None:
         try:
             if self._wait_for_subscribers():
                 with ImageFeed(self._opened.recorded) as self._feed:
-                    answered = self._publish_all(self._feed)
-                # A writer may take seconds to learn that everything has arrived; who answers speaks for itself alone
-                if not answered or self._options.wait_for_subscribers > 1:
-                    for outlet in self._outlets.values():
-                        outlet.wait_until_delivered(_DELIVERY_S)
+                    self._publish_all(self._feed)
+                for outlet in self._outlets.values():  # to the recorder, too: a tracker that has answered speaks for itself alone
+                    outlet.wait_until_delivered(_DELIVERY_S)
         finally:
             if not self._live:
                 self.finished.set()
@@ -189,15 +187,15 @@ class CameraIngestNode(GuardedNode):
             self._stop.wait(0.02)
         return not self._stop.is_set()
 
-    def _publish_all(self, feed: ImageFeed) -> bool:
-        """Until the sources end or we are stopped; True if the consumer has answered for everything."""
+    def _publish_all(self, feed: ImageFeed) -> None:
+        """Until the sources end or we are stopped, and the consumer, if one answers, has answered for everything."""
         clock = Pace()
         for feed_set in feed:
             if self._stop.is_set():
-                return False
+                return
             if self._window is not None:
                 if not self._window.wait():
-                    return False
+                    return
                 self._window.sent(feed_set.stamp_ns, complete=len(feed_set.images) == len(self._recorded))
                 self._publish(feed_set)
                 continue
@@ -210,7 +208,8 @@ class CameraIngestNode(GuardedNode):
                     self._recorded[image.camera].dropped += 1
             elif not self._stop.is_set():
                 self._publish(feed_set, shift_ns, late=lateness_s > 0.5 * feed.period_s)
-        return self._window is not None and self._window.wait_for_all()
+        if self._window is not None:
+            self._window.wait_for_all()
 
     def _publish(self, feed_set: FeedSet, shift_ns: int = 0, late: bool = False) -> None:
         for fed in feed_set.images:

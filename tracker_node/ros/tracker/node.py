@@ -165,6 +165,7 @@ class TrackerNode(ManagedNode):
         if self._outputs is not None:
             self._outputs.wait_until_delivered()
         self.report()
+        self._diagnostics.wait_until_delivered()
 
     @property
     def autostart(self) -> bool:
