@@ -220,13 +220,16 @@ class Tracker:
         return replace(estimate, faults=self._check.faults)
 
     def _supported(self, images: Images, states: list[State]) -> list[State]:
-        """Where a LOST body may be: what was learned while it was tracked speaks more for that than for where it is taken to be.
-        All of ``states`` where nothing can tell."""
+        """Where a LOST body may be: what was learned while it was tracked speaks for that, and more than for where it is taken to
+        be. All of ``states`` where nothing can tell."""
         track, engine, here = self._track, self._track.engine, self._track.start
         if here is None or not 0 < track.lost < _KNOWN_SETS or track.held < _HELD_SETS:
             return states
         gain = engine.support(images, here)
-        return states if gain is None else [state for state in states if (engine.support(images, state) or 0.0) > gain]
+        if gain is None:
+            return states
+        least = max(gain, 0.0)  # of somebody else the colors say less than nothing
+        return [state for state in states if (engine.support(images, state) or 0.0) > least]
 
     def expected_crops(self, stamp_ns: int) -> list[Crop | None]:
         """Where a detector of people should look for the body.

@@ -1,6 +1,7 @@
 """A tracker of regions that begins at the wrong place: it says LOST, looks everywhere, and comes back."""
 
 import gc
+from dataclasses import replace
 
 import pytest
 
@@ -35,3 +36,19 @@ def test_a_wrong_start_is_lost_and_comes_back():
     assert tracker.log_ratio is not None and tracker.log_ratio > 0.0
     trackers = [thing for thing in gc.get_objects() if type(thing) is Tracker and thing.model is tracker.model]
     assert trackers == [tracker] and not tracker._initializer._followers  # the others are gone, and their memory
+
+
+@pytest.mark.parametrize(("here", "found"), [(-2891.0, [TRUE]), (900.0, [TRUE]), (4000.0, [])])
+def test_a_lost_body_is_not_taken_for_somebody_whom_its_colors_speak_against(here, found):
+    tracker = Tracker(SCENE.rig, SCENE.model, SMALL, None, WRONG)
+    somebody = standing(SCENE.model, 1.2, -0.2, 0.4)
+    gains = {id(WRONG): here, id(TRUE): 2726.0, id(somebody): -201.0}
+
+    class Learned:
+        def support(self, images, state):
+            return gains[id(state)]
+
+    tracker._track = replace(tracker._track, engine=Learned(), start=WRONG, lost=3, held=20)
+    assert tracker._supported([], [somebody, TRUE]) == found
+    tracker._track = replace(tracker._track, held=1)  # too short a time for its colors to be known
+    assert tracker._supported([], [somebody, TRUE]) == [somebody, TRUE]
