@@ -215,6 +215,42 @@ def test_a_hidden_limb_stays_degraded_until_points_confirm_it_and_does_not_chang
     assert not statuses(told(judge, evidence(), 3))
 
 
+def test_a_limb_that_may_as_well_be_elsewhere_is_degraded_until_it_may_not_and_is_not_less_in_place():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told(judge, evidence(), 20)
+    assert judge.unsure == []
+    judge.rivals[3] = True
+    reports = told(judge, evidence())
+    assert statuses(reports) == {"right_forearm": LimbStatus.DEGRADED} and "elsewhere" in reports["right_forearm"].reason
+    assert judge.unsure == [3] and judge.probabilities[3] == judge.probabilities[1]
+    judge.rivals[3] = False
+    assert statuses(told(judge, evidence())) == {} and judge.unsure == []
+
+
+def test_points_know_which_limb_it_is_whatever_else_it_may_be_by_colors():
+    judge = LimbJudge(MODEL, StatusConfig())
+    told_beside(judge, evidence(), sure_beside(), 20)
+    judge.rivals[3] = True
+    assert statuses(told_beside(judge, evidence(), sure_beside())) == {} and not judge.rivals.any()
+
+
+@pytest.mark.parametrize(
+    ("usual", "close", "unsure"), [(0.65, 0.62, []), (0.65, 0.4, [1]), (0.65, 0.05, []), (0.85, 0.52, [])]
+)
+def test_a_limb_whose_outline_is_hard_to_find_is_unsure_between_in_place_and_lost(usual, close, unsure):
+    judge = LimbJudge(MODEL, StatusConfig())
+    assert judge.unsure == []
+    told(judge, evidence(usual), 20)
+    told(judge, evidence(usual, left_forearm=close), 2)
+    assert judge.unsure == unsure
+
+
+def test_the_end_of_a_limb_is_where_its_link_carries_it():
+    judge, state = LimbJudge(MODEL, StatusConfig()), STATE.retract(np.r_[0.1, 0.2, 0.3, np.zeros(MODEL.n_dof - 3)])
+    for i in range(len(judge.limbs)):
+        np.testing.assert_allclose(judge.tip(i, state) - judge.tip(i, STATE), [0.1, 0.2, 0.3], atol=1e-12)
+
+
 @pytest.mark.parametrize(("sigma_m", "confirmed"), [(0.028, True), (0.032, False)])
 def test_a_limb_whose_end_is_not_known_to_a_fifth_of_lost_is_degraded(sigma_m, confirmed):
     judge = LimbJudge(MODEL, StatusConfig())

@@ -171,6 +171,31 @@ def test_lost_limbs_take_turns():
     assert set(searched) == {tuple(np.flatnonzero(limb.shapes)) for limb in judge.limbs[1:]}
 
 
+class Alike(Felt):
+    """Colors speak as much for a limb in the place of its mirror image about rest."""
+
+    def __init__(self, truth: State, as_much: float):
+        super().__init__(truth)
+        self._other, self._as_much = Felt(State(truth.T_world_root, 2.0 * REST.joint_positions - truth.joint_positions)), as_much
+
+    def gains(self, poses: Poses, shapes: np.ndarray) -> np.ndarray:
+        other = self._other.gains(poses, shapes) * np.array([self._as_much, 1.0])
+        return np.maximum(super().gains(poses, shapes), other)
+
+
+@pytest.mark.parametrize(("as_much", "has_one"), [(1.01, True), (0.8, False)])
+def test_a_limb_has_a_rival_where_colors_speak_as_much_for_another_place(as_much, has_one):
+    judge, search = prepared()
+    truth = bent("right", 50.0, 20.0)
+    assert search.has_rival(index(judge, "right_forearm"), truth, truth, Alike(truth, as_much)) is has_one
+
+
+def test_a_place_beside_that_of_a_limb_is_no_rival():
+    judge, search = prepared()
+    near = bent("right", 50.0, 20.0)
+    assert not search.has_rival(index(judge, "right_forearm"), near, near, Felt(bent("right", 54.0, 20.0)))
+
+
 def poses_tried() -> np.ndarray:
     """(n, n_axes) of a search for an arm."""
     judge, search = prepared()

@@ -33,6 +33,8 @@ _CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set,
 _LEAST_LIMBS = 3  # that are seen, to say where the trunk is
 _KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
 _OF_GUESSES = 0.1  # weight of what images say of a limb that they seem to know well, but points and outline do not confirm
+_SURE = 0.003  # probability of lost, of a limb that need not be looked for elsewhere...
+_CLEAR = 0.75  # ...nor one of whose outline so much is found, where it is in place
 _START = 0.3  # probability of lost that a limb starts with
 
 MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
@@ -119,6 +121,7 @@ class LimbJudge:
         self.probabilities = np.full(len(self.limbs), _START)
         self._confirmed = np.ones(len(self.limbs), dtype=np.bool_)
         self._guessed = np.zeros(len(self.limbs), dtype=np.bool_)
+        self.rivals = np.zeros(len(self.limbs), dtype=np.bool_)
 
     @property
     def knows(self) -> bool:
@@ -242,7 +245,11 @@ class LimbJudge:
             self._levels[i] = np.maximum(self._levels[i] + _LEVEL_RATE * (measures - self._levels[i]), least)
         probability = 1.0 - (1.0 - p) * (1.0 - elsewhere)
         status, reason = self._status(probability), ""
-        if status is LimbStatus.TRACKING and not self._confirmed[i]:
+        if others:
+            self.rivals[i] = False  # which limb it is they know
+        if status is LimbStatus.TRACKING and self.rivals[i]:
+            status, reason = LimbStatus.DEGRADED, "it may as well be elsewhere"
+        elif status is LimbStatus.TRACKING and not self._confirmed[i]:
             status, reason = LimbStatus.DEGRADED, "hidden, or not where a detector guesses it"
             if sigma_m > _KNOWN_M:
                 reason = f"its end is known to {1e3 * sigma_m:.0f} mm"
@@ -258,6 +265,29 @@ class LimbJudge:
         if probability >= self._config.limb_lost:
             return LimbStatus.LOST
         return LimbStatus.DEGRADED if probability >= self._config.limb_degraded else LimbStatus.TRACKING
+
+    def tip(self, i: int, state: State) -> np.ndarray:
+        """Where a limb ends.
+
+        Parameters
+        ----------
+        i : index of the limb.
+        state : of the body.
+
+        Returns
+        -------
+        (3,) meters, world.
+        """
+        T = Configuration(self._model, state).Ts_world_link[self.limbs[i].end]
+        return T[:3, :3] @ self.limbs[i].tip + T[:3, 3]
+
+    @property
+    def unsure(self) -> list[int]:
+        """Limbs in place of which that is not quite sure, as outlines are hard to find, and those with a rival."""
+        if self._levels is None:
+            return []
+        odd = (self.probabilities > _SURE) & (self.probabilities < self._config.limb_lost) & (self._levels[:, 0] < _CLEAR)
+        return [i for i in np.flatnonzero(odd | self.rivals).tolist() if i]
 
     def tip_sigmas(self, state: State, covariance: np.ndarray) -> np.ndarray:
         """How well the end of each limb is known.

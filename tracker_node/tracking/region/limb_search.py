@@ -39,6 +39,7 @@ _LIMBS_A_SET = 2  # that are searched
 _IN_A_ROW = 2  # failed searches for a limb, before it pauses
 _FOUND_ODDS = 0.5  # log odds of lost that a limb must have to be taken for found...
 _BETTER_ODDS = 1.5  # ...and how much less they must be than where it is now
+_ELSEWHERE_M = 0.12  # of a limb's end, from where it is
 _GAIN = 0.1  # log-likelihood, per cell in which the limb shows, by which the colors must speak for another pose
 
 
@@ -241,6 +242,25 @@ class LimbSearch:
             self._note(i, better is not None)
             found = better or found
         return found
+
+    def has_rival(self, i: int, state: State, predicted: State, images: SearchedSet) -> bool:
+        """Whether the colors speak as much for a limb anywhere else as for where it is.
+
+        Parameters
+        ----------
+        i : index of the judge's limbs.
+        state, predicted, images : as of `recover`.
+
+        Returns
+        -------
+        Whether there is such a place.
+        """
+        limb = self._judge.limbs[i]
+        here = images.gains(Poses.of([state]), limb.shapes)[0, 0]
+        poses, scores = self._tried(limb, state, predicted, images)
+        end = self._judge.tip(i, state)
+        as_good = np.flatnonzero(scores >= here).tolist()
+        return any(np.linalg.norm(self._judge.tip(i, poses.state(k)) - end) > _ELSEWHERE_M for k in as_good)
 
     def _find(self, i: int, state: State, predicted: State, images: SearchedSet, most: float | None) -> State | None:
         """The state with limb ``i`` where the colors speak for it, if its log odds of lost are below ``most`` there."""

@@ -35,6 +35,7 @@ _UNCERTAIN_M = 0.15  # standard deviation of where a limb's end is expected, bey
 _FIRST_ROUNDS = 3  # of trying all limbs elsewhere, at most, on the first image set
 _REST_SETS = 3  # from one search for limbs to the next while points come, which do without: live, one after another is too much
 _POINTS_COME = 30  # image sets since the last points, within which they do
+_RIVAL_SETS = 3  # from one look for a place that a limb may have as well to the next: it takes as long as half an image set
 _LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be compared with it
 
 
@@ -49,6 +50,7 @@ class _Pace:
         """No points have come, and nothing has been searched."""
         self._failed = 0  # searches for a lost body in a row
         self._since_points, self._since_limbs = _POINTS_COME, _REST_SETS  # image sets
+        self._until_rivals = 0
 
     def next_set(self, has_points: bool) -> None:
         """An image set comes, with points or without."""
@@ -59,6 +61,11 @@ class _Pace:
     def limbs_due(self) -> bool:
         """Whether limbs may be searched."""
         return self._since_points >= _POINTS_COME or self._since_limbs >= _REST_SETS
+
+    def rivals_due(self) -> bool:
+        """Whether another place may be looked for, to be asked once a set: in every few sets."""
+        self._until_rivals = (self._until_rivals or _RIVAL_SETS) - 1
+        return self._until_rivals == 0
 
     def limbs_searched(self) -> None:
         """They have been."""
@@ -130,6 +137,7 @@ class Reacquisition(Solver):
 
     def _forget(self) -> None:
         self._misfit = Misfit()
+        self._looked = 0
         self._pace.reset()
 
     def restart(self) -> bool:
@@ -251,7 +259,7 @@ class Reacquisition(Solver):
             evidence = self._evidence(fit)
             uncertain = [i for i in uncertain if self._search.odds(i, evidence) > _CLEAR_ODDS]
         if not doubtful and not uncertain:
-            return fit
+            return self._look_elsewhere(fit, start, prior)
         self._pace.limbs_searched()
         before = fit
         if doubtful and self._scales is not self._all_scales:  # the longest lines reach what has moved far, or anything else
@@ -271,6 +279,22 @@ class Reacquisition(Solver):
         fit = fit if again is None else again
         jumped = fit is not before and (not uncertain or bool(self._judge.lost))  # what is uncertain may be anywhere
         return replace(self._fitting.redrawn(fit), jumped=jumped)
+
+    def _look_elsewhere(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
+        """Say whether one limb that is in place, but not quite surely, may as well be elsewhere: another limb with every set."""
+        unsure = self._judge.unsure if self._search.enabled and self._pace.rivals_due() else []
+        if not unsure:
+            return fit
+        self._pace.limbs_searched()
+        i = min(unsure, key=lambda i: (i <= self._looked, i))
+        self._looked = i
+        images = self._images(fit)
+        self._judge.rivals[i] = self._search.has_rival(i, fit.state, start, images)
+        if not self._judge.rivals[i]:
+            return fit
+        found = self._search.try_elsewhere([i], fit.state, start, images)
+        again = None if found is None else self._if_better(found, fit, prior)
+        return fit if again is None else replace(self._fitting.redrawn(again), jumped=True)
 
     def _with_trunk(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
         """The same with the trunk, and all that hangs on it, where the colors speak for it."""
