@@ -90,8 +90,9 @@ def told(e: TrackEstimate) -> bytes:
 
 
 def followed(config: TrackerConfig) -> Estimates:
-    """A person before four cameras, two with an image of the background: an arm is lost at first, the body for four sets."""
-    clip = recording()
+    """A person before four cameras, two with an image of the background: an arm is lost at first, the body for four sets, and
+    a limb still after some more."""
+    clip = recording(16)
     n_known = 4 if config.colors or config.chamfer.silhouette == "background" else 2
     backgrounds = {name: clip.backgrounds[name] for name in clip.rig.names[:n_known]}
     tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, backgrounds, displaced(clip))

@@ -63,9 +63,9 @@ class _Pace:
         return self._since_points >= _POINTS_COME or self._since_limbs >= _REST_SETS
 
     def rivals_due(self) -> bool:
-        """Whether another place may be looked for, to be asked once a set: in every few sets."""
+        """Whether another place may be looked for, to be asked once a set: in every few sets, unless points come, which know."""
         self._until_rivals = (self._until_rivals or _RIVAL_SETS) - 1
-        return self._until_rivals == 0
+        return self._until_rivals == 0 and self._since_points >= _POINTS_COME
 
     def limbs_searched(self) -> None:
         """They have been."""
