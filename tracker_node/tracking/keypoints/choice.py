@@ -42,12 +42,13 @@ class PersonChoice(Choice):
         self.reset()
 
     def reset(self) -> None:
-        """Nothing is known of swaps."""
+        """Nothing is known of swaps, and nobody has been looked for."""
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
+        self._start.reset()
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """Where the body begins."""
-        self.reset()
+        self._swaps[:] = _SWAP_PRIOR
         return self._start.find(people, near)
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:

@@ -10,19 +10,24 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.keypoints.correspondences import BodyPoints, KeypointCorrespondences
+from ...observation.keypoints.people import Person
 from ...optimize.fitter import Fit
 from ..limbs.tree import Limb, limbs_of
-from ..modality import PeopleSeen
+from ..modality import PeopleSeen, Persons
 from .fitting import KeypointFitting
-from .people_groups import PersonGroup, grouped
+from .people_groups import PersonGroup, grouped, mirrored
 
 _LEAST_PLACED = 4  # points by which a body is placed
-_SUITS = 3.0  # times what the points of the best person cost...
+_SUITS = 4.0  # times what the points of the best person cost...
 _PERFECT = 0.05  # ...a point, in information units; of less, more says nothing
+_DOUBTFUL = 3.5  # cost of a point, beyond which the next image sets may show the person better...
+_WAIT_SETS = 5  # ...for so many of them
 _MOST_GROUPS = 4  # people who are tried
 _LEAST_SEEN = 0.5  # fraction of the cameras of the one whom most see: a passer-by hides the body from some
 _LEAST_APART_M = 0.3  # roots of two people
 _LEAST_INLIERS = 0.5  # fraction of the points that have to be no outliers
+_AGREE = 0.8  # mean probability of a camera's points to be no outliers, below which its left may be its right
+_REACHED = 0.99  # the same of a limb's points, from which it is where they are
 _TURNS = (0.0, np.pi)  # of the body about its vertical axis, tried after placing it
 
 
@@ -38,7 +43,14 @@ class PointStart:
     def __init__(self, rig: CameraRig, model: ArticulatedModel, fitting: KeypointFitting):
         self._rig, self._model, self._fitting = rig, model, fitting
         self._focus, self._limbs = _focus(rig), limbs_of(model)[1:]
+        moved = model.chain.link_moved_by[fitting.modality.offsets.body.links][:, N_ROOT_DOF:]
+        self._points_of_limbs = [(moved & limb.dofs[N_ROOT_DOF:]).any(axis=1) for limb in self._limbs]
         self._least_mobile = np.argsort(_mobility(model, fitting.modality.offsets.body), kind="stable")
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing has been looked for."""
+        self._waited = 0
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """The state of the person nearest to a place, of those whom the body suits.
@@ -50,7 +62,8 @@ class PointStart:
 
         Returns
         -------
-        None where nobody is seen by two cameras, or nobody suits the body.
+        None where nobody is seen by two cameras, or nobody suits the body; for some image sets where the points of who does
+        disagree.
         """
         if sum(bool(persons) for persons in people) < 2:
             return None
@@ -63,8 +76,13 @@ class PointStart:
         if not found:
             return None
         least = max(min(cost for _, cost in found), _PERFECT)
-        suits, place = [state for state, cost in found if cost <= _SUITS * least], self._focus if near is None else near
-        return min(suits, key=lambda state: float(np.linalg.norm(state.T_world_root[:3, 3] - place)))
+        suits, place = [each for each in found if each[1] <= _SUITS * least], self._focus if near is None else near
+        state, cost = min(suits, key=lambda each: float(np.linalg.norm(each[0].T_world_root[:3, 3] - place)))
+        if cost > _DOUBTFUL and self._waited < _WAIT_SETS:
+            self._waited += 1
+            return None
+        self._waited = 0
+        return state
 
     def _either_way(self, group: PersonGroup) -> tuple[State, float] | None:
         """The better fit: points that meet do not say whether a detector has exchanged left and right in all of these cameras."""
@@ -77,20 +95,30 @@ class PointStart:
         placed = self._placed(group)
         if placed is None:
             return None
-        self._fitting.modality.set_images((), placed, None, group.persons)
-        best = min((self._fit(_turned(placed, turn)) for turn in _TURNS), key=_cost)
-        for limb in self._limbs:  # one that is bent far is not reached from the neutral pose
-            again = self._fit(self._bent(best.state, limb))
-            best = min(best, again, key=_cost)
-        points = best.correspondences
-        assert isinstance(points, KeypointCorrespondences)
-        weights = points.at(best.state).weights
-        count = max(int((weights >= 0.0).sum()), 1)
-        if np.maximum(weights, 0.0).sum() < _LEAST_INLIERS * count:
+        best = min((self._fit(_turned(placed, turn), group.persons) for turn in _TURNS), key=_cost)
+        for limb, points in zip(self._limbs, self._points_of_limbs, strict=True):
+            if _share(_weights(best)[points]) < _REACHED:  # one that is bent far is not reached from the neutral pose
+                best = min(best, self._fit(self._bent(best.state, limb), group.persons), key=_cost)
+        best = self._with_sides(best, list(group.persons))
+        weights = _weights(best)
+        if _share(weights) < _LEAST_INLIERS:
             return None
-        return best.state, best.equations.cost / count
+        return best.state, best.equations.cost / max(int((weights >= 0.0).sum()), 1)
 
-    def _fit(self, start: State) -> Fit:
+    def _with_sides(self, best: Fit, persons: list[Person | None]) -> Fit:
+        """The best with left and right exchanged in single cameras, of those that disagree with the others."""
+        shares = {i: _share(column) for i, column in enumerate(_weights(best).T)}
+        for i in sorted((i for i, share in shares.items() if share < _AGREE), key=shares.__getitem__):
+            person = persons[i]
+            assert person is not None
+            others = [*persons[:i], mirrored(person), *persons[i + 1 :]]
+            again = self._fit(best.state, others)
+            if _cost(again) < _cost(best):
+                best, persons = again, others
+        return best
+
+    def _fit(self, start: State, persons: Persons) -> Fit:
+        self._fitting.modality.set_images((), start, None, persons)
         return self._fitting.fit(start, True, None)
 
     def _bent(self, state: State, limb: Limb) -> State:
@@ -110,6 +138,19 @@ class PointStart:
             return None
         T = se3.rigid_fit(body.places(neutral)[use], targets[use])
         return State(T @ neutral.T_world_root, neutral.joint_positions)
+
+
+def _weights(fit: Fit) -> np.ndarray:
+    """(n_points, n_cameras) probability that a point is no outlier, -1 where there is none."""
+    points = fit.correspondences
+    assert isinstance(points, KeypointCorrespondences)
+    return points.at(fit.state).weights
+
+
+def _share(weights: np.ndarray) -> float:
+    """Mean of those that there are; 1 without any."""
+    known = weights[weights >= 0.0]
+    return float(known.mean()) if len(known) else 1.0
 
 
 def _cost(fit: Fit) -> float:
