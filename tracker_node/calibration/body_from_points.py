@@ -92,7 +92,8 @@ def body_from_points(
     """
     config = config or TrackerConfig()
     modality = KeypointModality(rig, model, config.keypoints, table)
-    choice = PersonChoice(rig, modality, PointStart(rig, model, KeypointFitting(model, config, modality)))
+    start = PointStart(rig, model, KeypointFitting(model, config, modality), 0)  # with a body of other lengths points disagree
+    choice = PersonChoice(rig, modality, start)
     rows, states, observed = [], [], []
     for row, seen in enumerate(people):
         state = choice.find(seen, near)

@@ -21,7 +21,7 @@ _LEAST_PLACED = 4  # points by which a body is placed
 _SUITS = 4.0  # times what the points of the best person cost...
 _PERFECT = 0.05  # ...a point, in information units; of less, more says nothing
 _DOUBTFUL = 3.5  # cost of a point, beyond which the next image sets may show the person better...
-_WAIT_SETS = 5  # ...for so many of them
+_PATIENCE_SETS = 5  # ...of so many of them
 _MOST_GROUPS = 4  # people who are tried
 _LEAST_SEEN = 0.5  # fraction of the cameras of the one whom most see: a passer-by hides the body from some
 _LEAST_APART_M = 0.3  # roots of two people
@@ -38,10 +38,13 @@ class PointStart:
     ----------
     rig, model : cameras and body.
     fitting : fits the body to the points of its modality.
+    patience_sets : image sets in which points disagree, before a body is placed by them all the same.
     """
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, fitting: KeypointFitting):
-        self._rig, self._model, self._fitting = rig, model, fitting
+    def __init__(
+        self, rig: CameraRig, model: ArticulatedModel, fitting: KeypointFitting, patience_sets: int = _PATIENCE_SETS
+    ):  # fmt: skip
+        self._rig, self._model, self._fitting, self._patience_sets = rig, model, fitting, patience_sets
         self._focus, self._limbs = _focus(rig), limbs_of(model)[1:]
         moved = model.chain.link_moved_by[fitting.modality.offsets.body.links][:, N_ROOT_DOF:]
         self._points_of_limbs = [(moved & limb.dofs[N_ROOT_DOF:]).any(axis=1) for limb in self._limbs]
@@ -78,7 +81,7 @@ class PointStart:
         least = max(min(cost for _, cost in found), _PERFECT)
         suits, place = [each for each in found if each[1] <= _SUITS * least], self._focus if near is None else near
         state, cost = min(suits, key=lambda each: float(np.linalg.norm(each[0].T_world_root[:3, 3] - place)))
-        if cost > _DOUBTFUL and self._waited < _WAIT_SETS:
+        if cost > _DOUBTFUL and self._waited < self._patience_sets:
             self._waited += 1
             return None
         self._waited = 0
