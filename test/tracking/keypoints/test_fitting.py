@@ -7,11 +7,13 @@ from helpers.bodies.detected_people import HUMAN, off_m, posed, seen_by, standin
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.keypoints import BLAZEPOSE
+from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.objective.constraints.collision import CollisionObjective
 from tracker_node.objective.constraints.prior import Prior
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.keypoints.fitting import KeypointFitting
 from tracker_node.tracking.keypoints.modality import KeypointModality
+from tracker_node.tracking.limbs.tree import limbs_of
 
 RIG, TRUE = circle_rig(3), standing(0.1, 0.0, 0.5, left_shoulder_elevation_front=40.0, right_hip_flexion=25.0)
 NO_PULL = {"motion.neutral_angle": 0.0, "motion.stay_angle": 0.0, "collision.enabled": False}
@@ -117,3 +119,25 @@ def test_errors_are_as_large_as_the_covariance_says():
         ends.append(np.linalg.inv(fit.equations.H)[:6, :6].trace())
     assert 0.85 < np.mean(squares) < 1.15 and np.max(squares) < 2.0
     assert np.mean(ends) < 0.5 * (spread[:6] ** 2).sum()  # and points say much more than the prediction
+
+
+def bent(**degrees: float) -> State:
+    """The true state with single joints elsewhere."""
+    state = State(TRUE.T_world_root.copy(), TRUE.joint_positions.copy())
+    for name, angle in degrees.items():
+        state.joint_positions[HUMAN.chain.axis_index(name)] += np.radians(angle)
+    return state
+
+
+def test_a_limb_alone_goes_where_its_points_are_however_far_that_is():
+    made, (arm,) = taken(fitting()), [limb for limb in limbs_of(HUMAN) if limb.name == "left_hand"]
+    wrong = bent(left_shoulder_elevation_front=-120.0, left_elbow_flexion=110.0)
+    found = made.limb_elsewhere(wrong, arm.dofs)
+    assert found is not None and off_m(wrong, TRUE).max() > 0.3 > 0.06 > off_m(found, TRUE).max()
+    others = ~arm.dofs[N_ROOT_DOF:]
+    np.testing.assert_allclose(found.joint_positions[others], wrong.joint_positions[others], atol=1e-6)
+    np.testing.assert_allclose(found.T_world_root, wrong.T_world_root, atol=1e-6)
+    assert made.limb_elsewhere(found, arm.dofs) is None  # it is there
+    right_arm = next(limb for limb in limbs_of(HUMAN) if limb.name == "right_hand")
+    moved_too = made.limb_elsewhere(wrong, right_arm.dofs)
+    assert moved_too is None or off_m(moved_too, TRUE).max() > 0.3  # nor does another limb help

@@ -9,6 +9,7 @@ from helpers.bodies.detected_people import off_m, seen_by, standing, with_mask
 from helpers.studio.small_studio import Recording, recording
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
+from tracker_node.objective.constraints.prior import Prior
 from tracker_node.observation.image_set import ImageSet
 from tracker_node.observation.keypoints.people import Silhouette
 from tracker_node.tracking.config import from_dict
@@ -62,6 +63,24 @@ def test_a_limb_that_is_elsewhere_at_first_is_where_its_points_are(clip):
     start.T_world_root[:3, 3] += (0.15, -0.1, 0.02)
     estimates = tracked(clip, start, 2)
     assert clip.errors_mm(estimates).mean() < 25.0 and estimates[0].status is Status.TRACKING
+
+
+def test_a_lost_limb_is_brought_back_by_its_points_at_once(clip):
+    """From where the prediction, which is sure, would hold it."""
+    made = Tracker(clip.rig, clip.model, from_dict(BOTH), None, clip.states[0])
+    for i in range(2):
+        made.step(with_people(clip, i))
+    track = made._track
+    judge, arm = track.engine.judge.limbs, clip.model.chain.axis_index("left_shoulder_elevation_front")
+    i = [limb.name for limb in judge.limbs].index("left_hand")
+    wrong = State(track.start.T_world_root.copy(), track.start.joint_positions.copy())
+    wrong.joint_positions[arm] += np.radians(100.0)
+    track.engine.observe([image.pixels for image in clip.sets[2].images], wrong, people=[(p,) for p in seen(clip, 2)])
+    sure = Prior(wrong, np.full(clip.model.n_dof, 1e6))
+    assert off_m(track.engine.fit(wrong, False, sure).state, wrong).max() < 0.02
+    judge.probabilities[i] = 0.9
+    fit = track.engine.fit(wrong, False, sure)
+    assert fit.jumped and off_m(fit.state, clip.states[2]).max() < 0.1 < off_m(wrong, clip.states[2]).max()
 
 
 def test_without_people_lines_alone_follow(clip):

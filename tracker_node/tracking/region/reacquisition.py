@@ -173,10 +173,20 @@ class Reacquisition(Solver):
         return self._fitting.fit(start, self._scales, prior, self._model_sigma_px)
 
     def _led_by_points(self, points: KeypointFitting, start: State, first: bool, prior: Prior | None) -> LineFit:
-        """Lines from where the points have the body: no limb needs a search."""
+        """Lines from where the points have the body: no limb needs a search; a LOST one is where they are, not where it was."""
         scales = numbers(self._region.first_scales) if first else self._all_scales
         led = points.fit(start, first, prior).state
-        return self._fitting.redrawn(self._fitting.fit(led, scales, prior, self._model_sigma_px))
+        found = None if first or self._judge.body_lost else self._limbs_by_points(points, led)
+        if found is None:
+            return self._fitting.redrawn(self._fitting.fit(led, scales, prior, self._model_sigma_px))
+        return replace(self._fitting.redrawn(self._fitting.fit(found, scales, None, self._model_sigma_px)), jumped=True)
+
+    def _limbs_by_points(self, points: KeypointFitting, led: State) -> State | None:
+        """The state with LOST limbs where their points are; None where none is elsewhere."""
+        found = None
+        for i in self._judge.lost:
+            found = points.limb_elsewhere(found or led, self._judge.limbs[i].dofs) or found
+        return found
 
     def remember(self, fit: Fit, assessment: Assessment) -> None:
         """Keep where body and limbs are, if they are in place."""
