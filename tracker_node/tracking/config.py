@@ -261,7 +261,7 @@ class LimbSearchConfig:
     """How a lost limb is searched."""
 
     poses: int = parameter(400, "poses in which a lost limb is searched, in one image set; 0: it is not", "", 0, 100000)
-    fits: int = parameter(2, "and how many of them are fitted", "", 1, 100)
+    fits: int = parameter(5, "and how many of them are fitted", "", 1, 100)
     interval_sets: int = parameter(
         4, "image sets from one search for a limb or a body to the next, once two of them have failed; 1: none left out",
         "", 1, 10**6,

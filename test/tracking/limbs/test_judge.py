@@ -227,13 +227,6 @@ def test_a_limb_that_may_as_well_be_elsewhere_is_degraded_until_it_may_not_and_i
     assert statuses(told(judge, evidence())) == {} and judge.unsure == []
 
 
-def test_points_know_which_limb_it_is_whatever_else_it_may_be_by_colors():
-    judge = LimbJudge(MODEL, StatusConfig())
-    told_beside(judge, evidence(), sure_beside(), 20)
-    judge.rivals[3] = True
-    assert statuses(told_beside(judge, evidence(), sure_beside())) == {} and not judge.rivals.any()
-
-
 @pytest.mark.parametrize(
     ("usual", "close", "unsure"), [(0.65, 0.62, []), (0.65, 0.4, [1]), (0.65, 0.05, []), (0.85, 0.52, [])]
 )

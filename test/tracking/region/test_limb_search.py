@@ -13,7 +13,8 @@ from tracker_node.tracking.config import LimbSearchConfig, StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus
 from tracker_node.tracking.limbs.judge import LimbJudge
 from tracker_node.tracking.poses import Poses
-from tracker_node.tracking.region.limb_search import LimbSearch, PartPose
+from tracker_node.tracking.region.limb_search import LimbSearch
+from tracker_node.tracking.region.searched import PartPose
 
 MODEL = figure_model()
 REST = State.neutral(MODEL)
@@ -171,29 +172,26 @@ def test_lost_limbs_take_turns():
     assert set(searched) == {tuple(np.flatnonzero(limb.shapes)) for limb in judge.limbs[1:]}
 
 
-class Alike(Felt):
-    """Colors speak as much for a limb in the place of its mirror image about rest."""
-
-    def __init__(self, truth: State, as_much: float):
-        super().__init__(truth)
-        self._other, self._as_much = Felt(State(truth.T_world_root, 2.0 * REST.joint_positions - truth.joint_positions)), as_much
-
-    def gains(self, poses: Poses, shapes: np.ndarray) -> np.ndarray:
-        other = self._other.gains(poses, shapes) * np.array([self._as_much, 1.0])
-        return np.maximum(super().gains(poses, shapes), other)
-
-
-@pytest.mark.parametrize(("as_much", "has_one"), [(1.01, True), (0.8, False)])
-def test_a_limb_has_a_rival_where_colors_speak_as_much_for_another_place(as_much, has_one):
+def test_places_that_colors_speak_for_are_followed_beside_that_of_an_unsure_limb():
     judge, search = prepared()
-    truth = bent("right", 50.0, 20.0)
-    assert search.has_rival(index(judge, "right_forearm"), truth, truth, Alike(truth, as_much)) is has_one
+    i, truth = index(judge, "right_forearm"), bent("right", 50.0, 20.0)
+    search.look_elsewhere(i, REST, REST, Felt(truth))
+    assert search.modes.followed == [i]
+    for images in (Felt(truth), Felt(truth)):
+        found = search.modes.follow(REST, images.part_evidence(REST, 2.0), images)
+    np.testing.assert_allclose(judge.tip(i, found[i]), judge.tip(i, truth), atol=0.02)
 
 
-def test_a_place_beside_that_of_a_limb_is_no_rival():
+def test_a_lost_limb_that_is_not_found_is_followed_where_it_was_and_one_that_is_found_is_not():
     judge, search = prepared()
-    near = bent("right", 50.0, 20.0)
-    assert not search.has_rival(index(judge, "right_forearm"), near, near, Felt(bent("right", 54.0, 20.0)))
+    i, gone = index(judge, "right_forearm"), bent("right", 50.0, 20.0)
+    search.remember(REST, [LimbReport(limb.name, LimbStatus.TRACKING, "", 0.0) for limb in judge.limbs])
+    assert search.recover({i: 3.0}, gone, gone, Felt(gone)) is None
+    assert search.modes.followed == [i]
+    assert search.recover({i: 3.0}, REST, REST, Felt(gone)) is not None
+    assert search.modes.followed == []
+    search.try_elsewhere([i], REST, REST, Felt(REST))
+    assert search.modes.followed == []  # it is where it is taken to be
 
 
 def poses_tried() -> np.ndarray:

@@ -245,8 +245,6 @@ class LimbJudge:
             self._levels[i] = np.maximum(self._levels[i] + _LEVEL_RATE * (measures - self._levels[i]), least)
         probability = 1.0 - (1.0 - p) * (1.0 - elsewhere)
         status, reason = self._status(probability), ""
-        if others:
-            self.rivals[i] = False  # which limb it is they know
         if status is LimbStatus.TRACKING and self.rivals[i]:
             status, reason = LimbStatus.DEGRADED, "it may as well be elsewhere"
         elif status is LimbStatus.TRACKING and not self._confirmed[i]:

@@ -123,7 +123,8 @@ class RegionFitting:
         -------
         The fit, with lines of the last scale.
         """
-        stages = [Stage(LineDetail(scale, model_sigma_px), _PART, dofs=dofs) for scale in _PART_SCALES]
+        zoom = self.region.zoom(start)
+        stages = [Stage(LineDetail(max(scale * zoom, 1.0), model_sigma_px), _PART, dofs=dofs) for scale in _PART_SCALES]
         found = self._fitter.fit(start, self.region, stages, self._resting, independent=self.points_at(start))
         return self._as_line_fit(found, model_sigma_px)
 

@@ -3,15 +3,14 @@
 The poses are where the limb was last tracked, where it is predicted, at rest, as its partner on the other side is, mirrored about
 rest, at random about those, and at random within the joints' limits; then about the best of them, closer and closer. Their
 score is that of the colors that the limb would cover. The best few are fitted to correspondence lines, the limb's degrees of
-freedom alone. A fit is taken if the colors speak for it, and its outline is that of a limb in place. So many poses are tried per
-image set that the effort stays bounded; a limb that is not found is searched again in the next. The generator is seeded.
+freedom alone. A fit is taken if the colors speak for it, and its outline is that of a limb in place; where none is, the likeliest
+places are followed (`limb_modes`). So many poses are tried per image set that the effort stays bounded; a limb that is not found
+is searched again in the next. The generator is seeded.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -24,6 +23,8 @@ from ..estimate import LimbReport, LimbStatus
 from ..limbs.judge import LimbJudge, limb_measures
 from ..limbs.tree import Limb
 from ..poses import Apart, Poses, PoseSearch, Round
+from .limb_modes import LimbModes
+from .searched import SearchedSet
 
 _SPREADS_RAD = (0.2, 0.6)  # of random poses about likely ones
 _WANDERERS = 0.25  # fraction of the random poses that may be anywhere within the limits
@@ -39,48 +40,8 @@ _LIMBS_A_SET = 2  # that are searched
 _IN_A_ROW = 2  # failed searches for a limb, before it pauses
 _FOUND_ODDS = 0.5  # log odds of lost that a limb must have to be taken for found...
 _BETTER_ODDS = 1.5  # ...and how much less they must be than where it is now
-_ELSEWHERE_M = 0.12  # of a limb's end, from where it is
+_LIKELIEST = 2  # of the likely places: where a limb was tracked, and where it was expected
 _GAIN = 0.1  # log-likelihood, per cell in which the limb shows, by which the colors must speak for another pose
-
-
-@dataclass(frozen=True, eq=False)
-class PartPose:
-    """A body with one part fitted, and how far its outline then agrees with the images."""
-
-    state: State
-    evidence: PartEvidence
-
-
-class SearchedSet(Protocol):
-    """The image set in which limbs are searched."""
-
-    def gains(self, poses: Poses, shapes: np.ndarray) -> np.ndarray:
-        """Log-likelihood that the colors gain by some parts, and the cells in which they show.
-
-        Parameters
-        ----------
-        poses : n poses.
-        shapes : (n_shapes,) mask of the parts; the rest of the body is where the first pose has it.
-
-        Returns
-        -------
-        (n, 2)
-        """
-        ...
-
-    def fit_part(self, state: State, dofs: np.ndarray) -> PartPose:
-        """The body with some degrees of freedom fitted to its contours.
-
-        Parameters
-        ----------
-        state : to begin at.
-        dofs : (n_dof,) mask of what moves.
-
-        Returns
-        -------
-        The fitted state, and what agrees there.
-        """
-        ...
 
 
 class LimbSearch:
@@ -91,11 +52,15 @@ class LimbSearch:
     model : the body.
     judge : knows what limbs in place look like.
     config : parameters.
+
+    Attributes
+    ----------
+    modes : other places of limbs that are followed.
     """
 
     def __init__(self, model: ArticulatedModel, judge: LimbJudge, config: LimbSearchConfig):
         self._model, self._judge, self._config = model, judge, config
-        self._partners = _partners(judge.limbs)
+        self._partners, self.modes = _partners(judge.limbs), LimbModes(judge)
         self.reset()
 
     @property
@@ -109,6 +74,7 @@ class LimbSearch:
         self._tracked: dict[str, np.ndarray] = {}
         self._sets, self._turn = 0, 0  # image sets that have been assessed; which of the lost limbs comes first
         self._failed: dict[int, tuple[int, int]] = {}  # failed searches in a row, and the set of the last one
+        self.modes.reset()
 
     def remember(self, state: State, reports: Sequence[LimbReport]) -> None:
         """Take in an image set that is done with.
@@ -243,27 +209,26 @@ class LimbSearch:
             found = better or found
         return found
 
-    def has_rival(self, i: int, state: State, predicted: State, images: SearchedSet) -> bool:
-        """Whether the colors speak as much for a limb anywhere else as for where it is.
+    def look_elsewhere(self, i: int, state: State, predicted: State, images: SearchedSet) -> None:
+        """Follow from now on where the colors speak most for a limb, beside where it is.
 
         Parameters
         ----------
         i : index of the judge's limbs.
         state, predicted, images : as of `recover`.
-
-        Returns
-        -------
-        Whether there is such a place.
         """
-        limb = self._judge.limbs[i]
-        here = images.gains(Poses.of([state]), limb.shapes)[0, 0]
-        poses, scores = self._tried(limb, state, predicted, images)
-        end = self._judge.tip(i, state)
-        as_good = np.flatnonzero(scores >= here).tolist()
-        return any(np.linalg.norm(self._judge.tip(i, poses.state(k)) - end) > _ELSEWHERE_M for k in as_good)
+        self._follow(i, state, self._tried(self._judge.limbs[i], state, predicted, images)[0])
+
+    def _follow(self, i: int, state: State, poses: Poses, more: Sequence[np.ndarray] = ()) -> None:
+        own = self._judge.limbs[i].dofs[N_ROOT_DOF:]
+        self.modes.add(i, state, [*more, *poses.joints[:, own]])
 
     def _find(self, i: int, state: State, predicted: State, images: SearchedSet, most: float | None) -> State | None:
-        """The state with limb ``i`` where the colors speak for it, if its log odds of lost are below ``most`` there."""
+        """The state with limb ``i`` where the colors speak for it, if its log odds of lost are below ``most`` there.
+
+        A lost one, for which there is none, is followed where it was tracked, where it was expected, and where the colors speak
+        most for it.
+        """
         limb = self._judge.limbs[i]
         here, cells = images.gains(Poses.of([state]), limb.shapes)[0]
         best, highest = None, here + _GAIN * cells
@@ -273,6 +238,10 @@ class LimbSearch:
             gain = float(images.gains(Poses.of([pose.state]), limb.shapes)[0, 0])
             if gain > highest and (most is None or self.odds(i, pose.evidence) < most):
                 best, highest = pose.state, gain
+        if best is not None:
+            self.modes.drop(i)
+        elif most is not None:
+            self._follow(i, state, poses, list(self.likely(limb, state, predicted)[:_LIKELIEST]))
         return best
 
     def _tried(self, limb: Limb, state: State, predicted: State, images: SearchedSet) -> tuple[Poses, np.ndarray]:

@@ -26,7 +26,8 @@ from ..parameters import numbers
 from ..poses import Poses
 from .area import RegionArea
 from .fitting import LineFit, RegionFitting
-from .limb_search import LimbSearch, PartPose
+from .limb_search import LimbSearch
+from .searched import PartPose
 from .tilts import Misfit, tilted
 
 _CLEARLY = 0.05  # fraction of the outline by which long lines must do better than short ones
@@ -58,14 +59,19 @@ class _Pace:
         self._since_limbs = 0 if has_points else self._since_limbs + 1  # points have put limbs where they are
 
     @property
+    def points_come(self) -> bool:
+        """Whether points have come lately, and will again: they know which limb is where."""
+        return self._since_points < _POINTS_COME
+
+    @property
     def limbs_due(self) -> bool:
         """Whether limbs may be searched."""
-        return self._since_points >= _POINTS_COME or self._since_limbs >= _REST_SETS
+        return not self.points_come or self._since_limbs >= _REST_SETS
 
     def rivals_due(self) -> bool:
         """Whether another place may be looked for, to be asked once a set: in every few sets, unless points come, which know."""
         self._until_rivals = (self._until_rivals or _RIVAL_SETS) - 1
-        return self._until_rivals == 0 and self._since_points >= _POINTS_COME
+        return self._until_rivals == 0 and not self.points_come
 
     def limbs_searched(self) -> None:
         """They have been."""
@@ -164,6 +170,7 @@ class Reacquisition(Solver):
             fit = self.first(start, prior, self._model_sigma_px)
         else:
             fit = self.improved(self._fitting.fit(start, self._scales, prior, self._model_sigma_px), start, prior)
+        fit = self._with_modes(fit, prior)
         self._model_sigma_px = fit.model_sigma_px
         return fit
 
@@ -269,7 +276,8 @@ class Reacquisition(Solver):
             evidence = self._evidence(fit)
             uncertain = [i for i in uncertain if self._search.odds(i, evidence) > _CLEAR_ODDS]
         if not doubtful and not uncertain:
-            return self._look_elsewhere(fit, start, prior)
+            self._look_elsewhere(fit, start)
+            return fit
         self._pace.limbs_searched()
         before = fit
         if doubtful and self._scales is not self._all_scales:  # the longest lines reach what has moved far, or anything else
@@ -290,21 +298,27 @@ class Reacquisition(Solver):
         jumped = fit is not before and (not uncertain or bool(self._judge.lost))  # what is uncertain may be anywhere
         return replace(self._fitting.redrawn(fit), jumped=jumped)
 
-    def _look_elsewhere(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
-        """Say whether one limb that is in place, but not quite surely, may as well be elsewhere: another limb with every set."""
+    def _look_elsewhere(self, fit: LineFit, start: State) -> None:
+        """Look where else one limb may be that is in place, but not quite surely: another limb with every set."""
         unsure = self._judge.unsure if self._search.enabled and self._pace.rivals_due() else []
-        if not unsure:
-            return fit
-        self._pace.limbs_searched()
-        i = min(unsure, key=lambda i: (i <= self._looked, i))
-        self._looked = i
-        images = self._images(fit)
-        self._judge.rivals[i] = self._search.has_rival(i, fit.state, start, images)
-        if not self._judge.rivals[i]:
-            return fit
-        found = self._search.try_elsewhere([i], fit.state, start, images)
-        again = None if found is None else self._if_better(found, fit, prior)
-        return fit if again is None else replace(self._fitting.redrawn(again), jumped=True)
+        if unsure:
+            self._pace.limbs_searched()
+            self._looked = min(unsure, key=lambda i: (i <= self._looked, i))
+            self._search.look_elsewhere(self._looked, fit.state, start, self._images(fit))
+
+    def _with_modes(self, fit: LineFit, prior: Prior | None) -> LineFit:
+        """The same with limbs in modes that have come to speak clearly for themselves, and still do in a fit of the body."""
+        modes = self._search.modes
+        if self._judge.body_lost or self._pace.points_come:
+            modes.reset()
+        if modes.followed:
+            for i, state in modes.follow(fit.state, self._evidence(fit), self._images(fit)).items():
+                other = self._fitting.fit(state, self._scales, prior, fit.model_sigma_px)
+                if modes.gain(i, self._evidence(other), self._evidence(fit)) > 0.0:
+                    modes.drop(i)
+                    fit = replace(self._fitting.redrawn(other), jumped=True)
+        self._judge.rivals[:] = np.isin(np.arange(len(self._judge.limbs)), modes.followed)
+        return fit
 
     def _with_trunk(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
         """The same with the trunk, and all that hangs on it, where the colors speak for it."""
