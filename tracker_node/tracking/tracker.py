@@ -41,6 +41,7 @@ _HELD_SETS = 5  # that a body was not LOST, for what was learned from it to be t
 _KNOWN_SETS = 100  # ...and in which it is LOST, until that says nothing any more
 _MOST_AGAIN = 1  # image sets that are fitted again where points come late, of those since: live, all would take too long
 _CLEARLY = 0.05  # fraction of its log-likelihood ratio by which another place has to be better than one that is not lost
+_SAME_PLACE_M = 0.5  # between two roots, within which it may be the same body otherwise posed
 
 
 @dataclass(eq=False)
@@ -221,8 +222,12 @@ class Tracker:
 
     def _supported(self, images: Images, states: list[State]) -> list[State]:
         """Where a LOST body may be: what was learned while it was tracked speaks for that, and more than for where it is taken to
-        be. All of ``states`` where nothing can tell."""
+        be. One that is not lost is there, turned at most: others may have the clearer outline. All of ``states`` where nothing can
+        tell."""
         track, engine, here = self._track, self._track.engine, self._track.start
+        if here is not None and not track.lost:
+            place = here.T_world_root[:3, 3]
+            return [state for state in states if np.linalg.norm(state.T_world_root[:3, 3] - place) < _SAME_PLACE_M]
         if here is None or not 0 < track.lost < _KNOWN_SETS or track.held < _HELD_SETS:
             return states
         gain = engine.support(images, here)
