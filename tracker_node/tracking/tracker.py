@@ -222,8 +222,8 @@ class Tracker:
 
     def _supported(self, images: Images, states: list[State]) -> list[State]:
         """Where a LOST body may be: what was learned while it was tracked speaks for that, and more than for where it is taken to
-        be. One that is not lost is there, turned at most: others may have the clearer outline. All of ``states`` where nothing can
-        tell."""
+        be. One that is not lost is there, turned at most: others may have clearer outlines. All ``states`` where nothing tells.
+        """
         track, engine, here = self._track, self._track.engine, self._track.start
         if here is not None and not track.lost:
             place = here.T_world_root[:3, 3]

@@ -52,3 +52,11 @@ def test_a_lost_body_is_not_taken_for_somebody_whom_its_colors_speak_against(her
     assert tracker._supported([], [somebody, TRUE]) == found
     tracker._track = replace(tracker._track, held=1)  # too short a time for its colors to be known
     assert tracker._supported([], [somebody, TRUE]) == [somebody, TRUE]
+
+
+def test_a_body_that_is_not_lost_is_where_it_is_whoever_else_has_the_clearer_outline():
+    """Of which a limb was never found: another pose may be right, or the body is turned about."""
+    tracker = Tracker(SCENE.rig, SCENE.model, SMALL, None, WRONG)
+    somebody, turned = standing(SCENE.model, 1.2, -0.2, 0.4), standing(SCENE.model, -0.5, 0.3, 0.6)
+    tracker._track = replace(tracker._track, start=WRONG, lost=0, held=20)
+    assert tracker._supported([], [somebody, turned]) == [turned]
