@@ -38,6 +38,7 @@ WITHOUT_EFFECT = {
     "initialization.repaired_candidates": "its search takes minutes here; another value changed what is said",
     "initialization.tracked_candidates": "where several starts are rivals; see test/tracking/initialization/test_trials.py",
     "initialization.tracked_sets": "as repaired_candidates",
+    "limb_search.interval_sets": "as initialization.interval_sets; see test/tracking/region/test_limb_search.py",
     "color.few_pixels": "a threshold of a status that this scene never has; see test/tracking/color/test_judge.py",
     "motion.smoother_noise": "of smoothed states alone; see the tests of the smoother",
 }
@@ -65,7 +66,7 @@ def tilted(rig: CameraRig, degrees: float) -> CameraRig:
 def displaced(clip: Recording) -> State:
     """The first state with an arm elsewhere and the root off: a limb is lost and searched for."""
     state = State(clip.states[0].T_world_root.copy(), clip.states[0].joint_positions.copy())
-    state.T_world_root[:3, 3] += (0.3, 0.0, 0.02)  # too far for short lines
+    state.T_world_root[:3, 3] += (0.25, 0.0, 0.02)  # too far for short lines
     state.joint_positions[clip.model.chain.axis_index("left_shoulder_elevation_front")] += np.radians(60.0)
     return state
 
@@ -90,8 +91,8 @@ def told(e: TrackEstimate) -> bytes:
 
 
 def followed(config: TrackerConfig) -> Estimates:
-    """A person before four cameras, two with an image of the background: an arm is lost at first, the body for four sets, and
-    a limb still after some more."""
+    """A person before four cameras, two with an image of the background: an arm is lost at first, then the body for four
+    sets, and limbs for some more."""
     clip = recording(16)
     n_known = 4 if config.colors or config.chamfer.silhouette == "background" else 2
     backgrounds = {name: clip.backgrounds[name] for name in clip.rig.names[:n_known]}
