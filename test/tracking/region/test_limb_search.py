@@ -13,8 +13,8 @@ from tracker_node.tracking.config import LimbSearchConfig, StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus
 from tracker_node.tracking.limbs.judge import LimbJudge
 from tracker_node.tracking.poses import Poses
+from tracker_node.tracking.region.limb_modes import PartPose
 from tracker_node.tracking.region.limb_search import LimbSearch
-from tracker_node.tracking.region.searched import PartPose
 
 MODEL = figure_model()
 REST = State.neutral(MODEL)

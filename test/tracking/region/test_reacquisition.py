@@ -4,15 +4,22 @@ import numpy as np
 import pytest
 
 from helpers.cameras.start_scenes import scene, standing
-from tracker_node.model.configuration import Configuration
+from tracker_node.model.configuration import Configuration, State
 from tracker_node.parallel import Workers
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.engine import Engine
 from tracker_node.tracking.engines import contour_engine
 from tracker_node.tracking.estimate import Status
 
-SCENE = scene(3)
-TRUE = standing(SCENE.model, 0.05, -0.05, 0.4)
+SCENE = scene(4)
+
+
+def at(x: float, y: float) -> State:
+    """With arms off the trunk, so that no limb is in doubt."""
+    return standing(SCENE.model, x, y, 0.0, left_shoulder_elevation_front=25, right_shoulder_elevation_front=-30)
+
+
+TRUE = at(0.05, -0.05)
 AWAY_M = 0.25  # 17 pixels of 210 a meter, at three meters
 
 
@@ -29,7 +36,7 @@ def tracked() -> tuple[Engine, list]:
 
 def test_a_tracked_body_begins_where_it_is_said_to_be_and_keeps_what_it_has_taught(tracked):
     made, images = tracked
-    near = standing(SCENE.model, 0.07, -0.05, 0.4)
+    near = at(0.07, -0.05)
     assert made.begin(images, near) is near
     made.reset()
     assert made.solver.tracked is None
@@ -39,14 +46,14 @@ def test_a_tracked_body_begins_where_it_is_said_to_be_and_keeps_what_it_has_taug
 def test_a_body_that_was_lost_is_learned_anew(tracked):
     made, images = tracked
     made.judge.limbs.probabilities[:] = 0.9
-    near = standing(SCENE.model, 0.07, -0.05, 0.4)
+    near = at(0.07, -0.05)
     assert made.begin(images, near) is not near
 
 
 def test_a_lost_body_is_found_where_it_was_last_tracked(tracked):
     """From a state that is far off; what was found so is marked, and its lines are drawn where it is."""
     made, images = tracked
-    away = standing(SCENE.model, 0.8, 0.6, 0.4)
+    away = at(0.8, 0.6)
     made.judge.limbs.probabilities[:] = 0.9
     made.observe(images, away)
     fit = made.fit(away, first=False)
@@ -58,7 +65,7 @@ def test_a_lost_body_is_found_where_it_was_last_tracked(tracked):
 
 def test_what_was_learned_while_a_body_was_tracked_speaks_for_where_it_is(tracked):
     made, images = tracked
-    here, there = (made.support(images, standing(SCENE.model, x, y, 0.4)) for x, y in ((0.05, -0.05), (0.8, 0.6)))
+    here, there = (made.support(images, at(x, y)) for x, y in ((0.05, -0.05), (0.8, 0.6)))
     assert here > 0.0 and here > 2.0 * there
     made.reset()
     assert made.support(images, TRUE) is None
@@ -95,7 +102,7 @@ def test_the_coarsest_lines_are_left_out_while_no_limb_is_in_doubt(tracked, monk
 
 def test_the_coarsest_lines_reach_a_body_that_has_moved_farther_than_fine_ones_do(tracked, monkeypatch):
     made, images = tracked
-    away = standing(SCENE.model, 0.05 + AWAY_M, -0.05, 0.4)
+    away = at(0.05 + AWAY_M, -0.05)
     made.observe(images, away)
     fine = made.solver._fitting.fit(away, (2.0, 1.0), None, 2.0).state
     assert np.linalg.norm(fine.T_world_root[:3, 3] - TRUE.T_world_root[:3, 3]) > 0.05

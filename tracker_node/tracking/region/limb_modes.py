@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.lines.correspondences import PartEvidence
 from ..limbs.judge import LimbJudge
-from .searched import PartPose, SearchedSet
+from ..poses import Poses
 
 _MODES = 3  # of a limb that are followed, beside where it is taken to be
 _APART_M = 0.12  # between the ends of a limb in two modes, when they are taken in
@@ -30,6 +31,46 @@ _DAMPED = 0.7  # of a mode's motion from one image set to the next
 _TAKEN = 2.0  # evidence at which a mode is where the limb is: log-likelihood ratio for each line that it should have, summed up
 _DROPPED = -4.0  # at which it is no longer followed
 _LEAST_SETS = 2  # that a mode is followed before it is taken
+
+
+@dataclass(frozen=True, eq=False)
+class PartPose:
+    """A body with one part fitted, and how far its outline then agrees with the images."""
+
+    state: State
+    evidence: PartEvidence
+
+
+class SearchedSet(Protocol):
+    """The image set in which limbs are searched."""
+
+    def gains(self, poses: Poses, shapes: np.ndarray) -> np.ndarray:
+        """Log-likelihood that the colors gain by some parts, and the cells in which they show.
+
+        Parameters
+        ----------
+        poses : n poses.
+        shapes : (n_shapes,) mask of the parts; the rest of the body is where the first pose has it.
+
+        Returns
+        -------
+        (n, 2)
+        """
+        ...
+
+    def fit_part(self, state: State, dofs: np.ndarray) -> PartPose:
+        """The body with some degrees of freedom fitted to its contours.
+
+        Parameters
+        ----------
+        state : to begin at.
+        dofs : (n_dof,) mask of what moves.
+
+        Returns
+        -------
+        The fitted state, and what agrees there.
+        """
+        ...
 
 
 @dataclass

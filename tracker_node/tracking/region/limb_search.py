@@ -23,8 +23,7 @@ from ..estimate import LimbReport, LimbStatus
 from ..limbs.judge import LimbJudge, limb_measures
 from ..limbs.tree import Limb
 from ..poses import Apart, Poses, PoseSearch, Round
-from .limb_modes import LimbModes
-from .searched import SearchedSet
+from .limb_modes import LimbModes, SearchedSet
 
 _SPREADS_RAD = (0.2, 0.6)  # of random poses about likely ones
 _WANDERERS = 0.25  # fraction of the random poses that may be anywhere within the limits

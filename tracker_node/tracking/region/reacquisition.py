@@ -26,8 +26,8 @@ from ..parameters import numbers
 from ..poses import Poses
 from .area import RegionArea
 from .fitting import LineFit, RegionFitting
+from .limb_modes import PartPose
 from .limb_search import LimbSearch
-from .searched import PartPose
 from .tilts import Misfit, tilted
 
 _CLEARLY = 0.05  # fraction of the outline by which long lines must do better than short ones
