@@ -35,7 +35,7 @@ SEED = 20294
 NAMED = (
     "calibration/points/bundle_adjustment", "calibration/points/triangulation", "camera/model", "loaders/bag/mcap_writer",
     "objective/chamfer/correspondences", "observation/synchronizer", "optimize/levenberg_marquardt", "runs/messages/body",
-    "tracking/uncertainty/covariance", "tracking/chamfer/judge", "tracking/limbs/judge", "tracking/self_check",
+    "tracking/uncertainty/covariance", "tracking/chamfer/judge", "tracking/limbs/judge", "tracking/cameras/self_check",
     "tracking/motion/smoother",
 )  # fmt: skip
 N_OTHERS, EACH = {False: 20, True: 7}, {False: 7, True: 3}  # by --quick

@@ -56,6 +56,19 @@ def test_a_body_off_its_predicted_place_is_caught(clip):
     assert errors[-1] < 12.0
 
 
+def in_light(image_set: ImageSet, gain: float) -> ImageSet:
+    images = (replace(i, pixels=np.clip(np.rint(gain * i.pixels), 0, 255).astype(np.uint8)) for i in image_set.images)
+    return replace(image_set, images=tuple(images))
+
+
+@pytest.mark.parametrize("gain", [0.6, 1.3])
+def test_other_light_is_told_from_another_world(clip, tracked, gain):
+    """Colors and backgrounds are compared in the light in which they were learned."""
+    estimates = track(clip, [in_light(one, gain) if i >= 3 else one for i, one in enumerate(clip.sets)])
+    assert [e.status for e in estimates] == [Status.TRACKING] * len(clip.sets)
+    assert clip.errors_mm(estimates).mean() < clip.errors_mm(tracked).mean() + 1.0
+
+
 WAYS = ({"chamfer.silhouette": "background"}, {"chamfer.distances": "sum"}, {"chamfer.sliding": False})
 
 

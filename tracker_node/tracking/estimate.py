@@ -42,7 +42,7 @@ class LimbStatus(IntEnum):
     UNSEEN = 4
 
 
-TURNED, DELAYED = "turned", "delayed"
+TURNED, DELAYED, FROZEN = "turned", "delayed", "frozen"
 """Kinds of faults of a camera."""
 
 PX, GRAY_LEVELS = "px", "gray levels"
@@ -77,8 +77,9 @@ class CameraReport:
 class CameraFault:
     """A camera that the others contradict in one way.
 
-    ``kind`` is `TURNED` (``size`` and ``sigma`` in radians: since the calibration, about its center) or `DELAYED` (seconds by
-    which its images are later than their stamps say; negative: earlier). ``rivals`` are cameras of which it might as well be one.
+    ``kind`` is `TURNED` (``size`` and ``sigma`` in radians: since the calibration, about its center), `DELAYED` (seconds by which
+    its images are later than their stamps say; negative: earlier) or `FROZEN` (seconds for which it has repeated its image).
+    ``rivals`` are cameras of which it might as well be one.
     """
 
     camera: str
@@ -95,6 +96,8 @@ class CameraFault:
         if self.kind == TURNED:
             turn = f"{np.degrees(self.size):.1f} degrees (+- {np.degrees(self.sigma):.1f})"
             return f"{who} is turned by {turn} from where its calibration has it"
+        if self.kind == FROZEN:
+            return f"{who} repeats its image of {1e3 * self.size:.0f} ms ago; it is left out"
         when = "late" if self.size > 0 else "early"
         return f"images of {who} are {1e3 * abs(self.size):.0f} ms (+- {1e3 * self.sigma:.0f}) {when}"
 

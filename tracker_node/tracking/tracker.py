@@ -16,6 +16,7 @@ from ..model.configuration import Configuration, State
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.constraints.prior import Prior
+from ..observation.exposure import Exposures
 from ..observation.image_set import ImageSet
 from ..observation.keypoints.crop import Crop
 from ..optimize.fitter import Fit, at_state
@@ -23,6 +24,8 @@ from ..optimize.levenberg_marquardt import clip_to_limits
 from ..parallel import Workers
 from ..render.occluders import Occluders
 from .assessment import Assessment, Report
+from .cameras.frozen import FrozenCameras
+from .cameras.self_check import SelfCheck, SelfCheckOptions
 from .config import KEYPOINTS, TrackerConfig, checked_combination
 from .engine import AnyEngine
 from .engines import make_engine
@@ -33,7 +36,6 @@ from .keypoints.crops import crops_of
 from .keypoints.late import LatePoints, PastSet
 from .modality import Images, PeopleSeen
 from .motion.model import ExposureDelays, MotionModel, Prediction
-from .self_check import SelfCheck, SelfCheckOptions
 from .uncertainty.covariance import ImageEvidence, fit_covariance
 
 _LOST_SETS = 2  # image sets in which a body was LOST, after which a detector's points say where it is
@@ -119,7 +121,8 @@ class Tracker:
                 rig, model, config.initialization, backgrounds, Workers(config.threads), engine,
                 lambda: Tracker(rig, model, follower, backgrounds, None, occluders, keypoints),
             )  # fmt: skip
-        self._check = SelfCheck(rig, model, _check_options(config))
+        self._check, self._frozen = SelfCheck(rig, model, _check_options(config)), FrozenCameras(rig, model)
+        self._exposures = Exposures(len(rig))
         self._late = LatePoints(rig, model, keypoints) if KEYPOINTS in config.modalities else None
         self._near: np.ndarray | None = None  # where, of several people, the body is wanted
         self._restart(initial_state)
@@ -138,6 +141,8 @@ class Tracker:
         """Back to the initial state, with nothing learned."""
         self._track.engine.reset()
         self._check.reset()
+        self._frozen.reset()
+        self._exposures.reset()
         if self._initializer is not None:
             self._initializer.reset()
         self._restart(self._initial_state)
@@ -184,7 +189,7 @@ class Tracker:
         ------
         CalibrationError : the images do not suit the cameras of this tracker.
         """
-        images, track, self._near = self._images(image_set), other._track, other._near
+        images, track, self._near = self._images(image_set, again=True), other._track, other._near
         assert track.start is not None
         self._restart(track.start)
         self._track.engine.begin(images, track.start, known=True)
@@ -218,7 +223,7 @@ class Tracker:
         self._track = other._track
         self._check.skip()
         self._late = other._late
-        return replace(estimate, faults=self._check.faults)
+        return replace(estimate, faults=self._frozen.faults + self._check.faults)
 
     def _supported(self, images: Images, states: list[State]) -> list[State]:
         """Where a LOST body may be: what was learned while it was tracked speaks for that, and more than for where it is taken to
@@ -256,6 +261,7 @@ class Tracker:
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set."""
         began = time.perf_counter()
+        image_set = self._without_frozen(image_set)
         images = self._images(image_set)
         people: PeopleSeen = ()
         if self._late is not None:
@@ -268,7 +274,7 @@ class Tracker:
                 return replace(found, timings=replace(found.timings, total_ms=1e3 * (time.perf_counter() - began)))
         track, engine, step = self._track, self._track.engine, self._stepped(image_set, images, people)
         fit, prior, assessment, information = step.fit, step.prior, step.assessment, step.information
-        faults = self._compare_cameras(image_set.stamp_ns, fit, assessment)
+        faults = self._frozen.faults + self._compare_cameras(image_set.stamp_ns, fit, assessment)
         finished = time.perf_counter()
         report = engine.report(fit, image_set)
         evidence = report.images if information is not None else None
@@ -347,8 +353,8 @@ class Tracker:
         if not begun and oldest.motion.predict(oldest.image_set.stamp_ns) is not None:
             self._track.motion, begun = copy(oldest.motion), True
         if begun:
-            lost = self._stepped(oldest.image_set, self._images(oldest.image_set), oldest.people).assessment.status is Status.LOST
-            if not lost:
+            step = self._stepped(oldest.image_set, self._images(oldest.image_set, again=True), oldest.people)
+            if step.assessment.status is not Status.LOST:
                 every = -(-len(past) // (_MOST_AGAIN + 1))
                 for i, each in enumerate(past[1:], 1):
                     if i % every == 0 or any(each.people):
@@ -367,7 +373,7 @@ class Tracker:
         prediction = track.motion.predict(image_set.stamp_ns)
         assert prediction is not None
         predicted, prior = self._expected(prediction), prediction.prior()
-        track.engine.observe(self._images(image_set), predicted, self._delays(image_set, prediction), past.people)
+        track.engine.observe(self._images(image_set, again=True), predicted, self._delays(image_set, prediction), past.people)
         fit = track.engine.refit(predicted, prior)
         track.start = fit.state
         track.motion.update(image_set.stamp_ns, fit.state, self._information(fit, prior, Assessment(Status.TRACKING, "")))
@@ -383,8 +389,20 @@ class Tracker:
             return self._check.faults
         return self._check.add(stamp_ns, fit.comparison)
 
-    def _images(self, image_set: ImageSet) -> list[np.ndarray | None]:
-        """BGR pixels per camera of the rig, None where the set has none."""
+    def _without_frozen(self, image_set: ImageSet) -> ImageSet:
+        """The set without images that were there before while the body has moved on."""
+        if not self.config.self_check.enabled:
+            return image_set
+        images = [image_set.get(camera.name) for camera in self.rig]
+        pixels = [None if image is None else image.pixels for image in images]
+        over = {self.rig.names[i] for i in self._frozen.look(image_set.stamp_ns, pixels, self._track.start)}
+        return replace(image_set, images=tuple(i for i in image_set.images if i.camera not in over)) if over else image_set
+
+    def _images(self, image_set: ImageSet, again: bool = False) -> list[np.ndarray | None]:
+        """BGR pixels per camera of the rig in the light of the first images, None where the set has none.
+
+        ``again``: of an earlier set, which is looked at once more.
+        """
         result: list[np.ndarray | None] = []
         for camera in self.rig:
             image = image_set.get(camera.name)
@@ -395,7 +413,7 @@ class Tracker:
                 expected = f"expected color images for the modality {self.config.colors}"
                 raise CalibrationError(camera.name, f"{expected}, got mono8")
             result.append(None if image is None else image.bgr)
-        return result
+        return self._exposures.normalized(result, learn=not again)
 
     def _expected(self, prediction: Prediction | None) -> State:
         state = (self._track.start or State.neutral(self.model)) if prediction is None else prediction.state

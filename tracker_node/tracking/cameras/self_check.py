@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.rig import CameraRig
-from ..geometry import so3
-from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
-from ..objective.normal_equations import Comparison
-from .estimate import DELAYED, TURNED, CameraFault
+from ...camera.rig import CameraRig
+from ...geometry import so3
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...objective.normal_equations import Comparison
+from ..estimate import DELAYED, TURNED, CameraFault
 
 _N = 4  # parameters of a camera's fault: rotation (3), delay
 # Which of them a fault may have; the turn about the optical axis, hardly known where the body is small, is left out if it can be

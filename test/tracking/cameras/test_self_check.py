@@ -12,8 +12,8 @@ from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.normal_equations import CameraEquations, Comparison, NormalEquations
+from tracker_node.tracking.cameras.self_check import SelfCheck, SelfCheckOptions, _Block, _Fit, _turn_twists
 from tracker_node.tracking.estimate import DELAYED, TURNED, CameraFault
-from tracker_node.tracking.self_check import SelfCheck, SelfCheckOptions, _Block, _Fit, _turn_twists
 
 RATE_HZ, BEGIN_NS, SIGMA_PX = 30.0, 10**9, 1.0
 MODEL = body()

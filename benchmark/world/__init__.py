@@ -1,0 +1,1 @@
+"""Worlds that change while a body is tracked. Each program is run by itself; see docs/development.md."""

@@ -1,0 +1,199 @@
+#!/usr/bin/env python3
+"""What becomes of a perfect track when light or a camera changes: a figure of cones, a rigid box, a clothed person.
+
+``light_step``: from a set on all cameras are darker, x0.6. ``flicker``: in every set all are brighter or darker by up to half.
+``one_dark``: one camera is, x0.5. ``frozen``: one camera repeats its image for ten sets. ``calm``: nothing happens. Each begins
+when the body has been followed for twenty sets; seeds say at which part of the clip, and which camera. No backgrounds, contours
+alone, from the true pose. A set is lost that is called LOST, or has a joint more than 200 mm off (the box: its middle more than
+20 mm); one is turned whose heading is more than 90 degrees off.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from benchmark.clothed._recording import JOINTS, load_clip
+from benchmark.contour._runs import add_common_arguments, configured, print_circumstances, recorded
+from benchmark.contour.box import box_model, box_rig, box_states, image_sets
+from benchmark.contour.figure import FIGURE_SCENE, true_states
+from tracker_node.camera.rig import CameraRig
+from tracker_node.errors import TrackerError
+from tracker_node.model.articulated import ArticulatedModel
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.synthesis.recording import FIGURE_IMAGES, Request
+from tracker_node.tracking.config import TrackerConfig
+from tracker_node.tracking.estimate import FROZEN, Status, TrackEstimate
+from tracker_node.tracking.tracker import Tracker
+
+BEFORE, DISTURBED = 20, 20  # image sets
+FROZEN_SETS = 10
+LOST_JOINT_MM, LOST_BOX_MM, TURNED_COS = 200.0, 20.0, 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A part of a clip: image sets, and the joints (n, k, 3) of the truth beside those ``places`` reads from a state."""
+
+    name: str
+    rig: CameraRig
+    model: ArticulatedModel
+    start: State
+    sets: list[ImageSet]
+    truth_m: np.ndarray
+    headings: np.ndarray | None
+    places: Callable[[State], np.ndarray]
+    lost_mm: float
+
+
+def lit(image: CameraImage, factor: float) -> CameraImage:
+    pixels = image.pixels.astype(np.float32)
+    return replace(image, pixels=np.clip(np.rint(factor * pixels), 0, 255).astype(np.uint8))
+
+
+def changed_light(scene: Scene, factor: Callable[[int, int], float]) -> Iterator[ImageSet]:
+    """The sets with images in other light: ``factor`` of sets since the change began and the camera's number."""
+    for k, one in enumerate(scene.sets):
+        images = one.images if k < BEFORE else tuple(lit(image, factor(k - BEFORE, i)) for i, image in enumerate(one.images))
+        yield replace(one, images=images)
+
+
+def disturbed(scene: Scene, name: str, seed: int) -> Iterator[ImageSet]:
+    """The sets of a scene with what ``name`` says done to them."""
+    rng = np.random.default_rng(seed)
+    camera, flicker = int(rng.integers(len(scene.rig))), rng.uniform(0.5, 1.5, DISTURBED)
+    if name == "calm":
+        yield from scene.sets
+        return
+    if name == "frozen":
+        for k, one in enumerate(scene.sets):
+            stuck = scene.sets[BEFORE].images[camera].pixels if BEFORE < k <= BEFORE + FROZEN_SETS else None
+            yield one if stuck is None else replace(
+                one, images=tuple(replace(image, pixels=stuck) if i == camera else image for i, image in enumerate(one.images))
+            )  # fmt: skip
+        return
+    factors: dict[str, Callable[[int, int], float]] = {
+        "light_step": lambda k, i: 0.6,
+        "flicker": lambda k, i: float(flicker[k]),
+        "one_dark": lambda k, i: 0.5 if i == camera else 1.0,
+    }
+    yield from changed_light(scene, factors[name])
+
+
+DISTURBANCES = ("calm", "light_step", "flicker", "one_dark", "frozen")
+
+
+def figure_scene(cache: Path, seed: int) -> Scene:
+    clip = recorded("figure", Request(subject="figure", n_images=FIGURE_IMAGES, scene=FIGURE_SCENE), cache)
+    states, n = true_states(clip), BEFORE + DISTURBED
+    first = int(np.random.default_rng(seed).integers(len(states) - n))
+    sets = [one for k, one in enumerate(clip.sets(limit=first + n)) if k >= first]
+    states = states[first : first + n]
+
+    def places(state: State) -> np.ndarray:
+        return Configuration(clip.model, state).landmarks_world
+
+    truth, headings = np.array([places(s) for s in states]), np.array([s.T_world_root[:3, :3] for s in states])
+    return Scene("figure", clip.rig, clip.model, states[0], sets, truth, headings, places, LOST_JOINT_MM)
+
+
+def box_scene(cache: Path, seed: int) -> Scene:
+    model, rig = box_model(), box_rig()
+    states = box_states(model, BEFORE + DISTURBED, seed)
+    truth, headings = np.array([s.T_world_root[None, :3, 3] for s in states]), np.array([s.T_world_root[:3, :3] for s in states])
+    sets = list(image_sets(rig, model, states))
+    return Scene("box", rig, model, states[0], sets, truth, headings, lambda s: s.T_world_root[None, :3, 3], LOST_BOX_MM)
+
+
+def clothed_scene(folder: Path, seed: int) -> Scene:
+    clip = load_clip(folder)
+    n = BEFORE + DISTURBED
+    first = int(np.random.default_rng(seed).integers(len(clip) - n))
+    rows = [clip.model.landmark_index(joint) for joint in JOINTS]
+    return Scene(
+        "clothed", clip.rig, clip.model, clip.start(first), [clip.image_set(row) for row in range(first, first + n)],
+        clip.truth_m[first : first + n], None, lambda s: Configuration(clip.model, s).landmarks_world[rows], LOST_JOINT_MM,
+    )  # fmt: skip
+
+
+def judged(scene: Scene, run: list[TrackEstimate]) -> dict[str, float]:
+    """Lost and turned sets, and the largest mean error, of those from the change on."""
+    changed = range(BEFORE, len(run))
+    off = [1e3 * np.linalg.norm(scene.places(run[k].state) - scene.truth_m[k], axis=1) for k in changed]
+    lost = [run[k].status is Status.LOST or errors.max() > scene.lost_mm for k, errors in zip(changed, off, strict=True)]
+    said = [run[k].status is Status.LOST for k in changed]
+    turned = 0
+    if scene.headings is not None:
+        turned = sum(float(run[k].state.T_world_root[:3, 0] @ scene.headings[k][:, 0]) < TURNED_COS for k in changed)
+    named = [k - BEFORE for k in changed if any(fault.kind == FROZEN for fault in run[k].faults)]
+    worst = max(errors.mean() for errors in off)
+    return {"lost": sum(lost), "unsaid": sum(a and not b for a, b in zip(lost, said, strict=True)), "turned": turned,
+            "worst_mm": float(worst), "named": float(named[0]) if named else np.inf}  # fmt: skip
+
+
+def main(arguments: list[str] | None = None) -> int:
+    args = _arguments(arguments)
+    cv2.setNumThreads(1)
+    seeds = range(1, 2 if args.quick else 6)
+    named = os.environ.get("TRACKER_SHARED_DATA")
+    folder = args.clip or (Path(named) / "clothed_people" / "jump" if named else None)
+    figures: dict[str, float | int] = {}
+    try:
+        config = configured(args.changes)
+        for seed in seeds:
+            scenes = [figure_scene(args.cache, seed), box_scene(args.cache, seed)]
+            scenes += [clothed_scene(folder, seed)] if folder is not None else []
+            for scene in scenes:
+                for name in (name for name in DISTURBANCES if name in (args.only or DISTURBANCES)):
+                    add(figures, scene, name, measured(scene, name, seed, config), seed)
+    except TrackerError as error:
+        print(f"disturbed: error: {error}", file=sys.stderr)
+        return 2
+    print_circumstances()
+    print_metrics(figures)
+    if args.json:
+        write_metrics(args.json, figures)
+    return 0
+
+
+def measured(scene: Scene, name: str, seed: int, config: TrackerConfig) -> dict[str, float]:
+    """One disturbance of one scene."""
+    tracker = Tracker(scene.rig, scene.model, config, None, scene.start)
+    return judged(scene, [tracker.step(one) for one in disturbed(scene, name, seed)])
+
+
+def add(figures: dict[str, float | int], scene: Scene, name: str, found: dict[str, float], seed: int) -> None:
+    """Take the result of one run into the figures, and print it."""
+    print(f"{name}, {scene.name}, seed {seed}: {found}", file=sys.stderr, flush=True)
+    for owner in (name, f"{name}.{scene.name}"):
+        for key, counted in (("lost", "lost_sets"), ("unsaid", "unsaid_sets"), ("turned", "turned")):
+            figures[f"{owner}.{counted}"] = figures.get(f"{owner}.{counted}", 0) + int(found[key])
+        figures[f"{owner}.error_mm"] = max(figures.get(f"{owner}.error_mm", 0.0), found["worst_mm"])
+        if name == "frozen":
+            figures[f"{owner}.named_sets"] = max(figures.get(f"{owner}.named_sets", 0.0), found["named"])
+
+
+def _arguments(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0],
+        epilog="example:\n  python benchmark/world/disturbed.py --only light_step frozen",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_common_arguments(parser, list(DISTURBANCES))
+    parser.add_argument("--clip", type=Path, metavar="FOLDER", help="of a clothed person (default: jump of TRACKER_SHARED_DATA)")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,4 @@
+"""Cameras that are not to be trusted, told while tracking.
+
+Begin with `self_check`, which names those whose contours contradict the others'; `frozen` leaves out those that repeat an image.
+"""
