@@ -76,16 +76,6 @@ def test_a_light_that_falls_slowly_is_followed():
     assert np.abs(np.median(found.astype(float) - WALL)) <= 2.0
 
 
-def test_an_earlier_image_teaches_nothing():
-    exposure = seen(in_light(1.0))
-    exposure.normalized(in_light(0.6, 1))
-    before = exposure._before.copy()
-    earlier = exposure.normalized(in_light(1.0, 2), learn=False)
-    np.testing.assert_array_equal(exposure._before, before)
-    np.testing.assert_allclose(exposure.gains, 0.6, rtol=0.01)
-    assert np.abs(np.median(earlier.astype(float) - WALL)) <= 1.0
-
-
 def test_each_camera_has_a_light_of_its_own_and_one_without_an_image_keeps_it():
     exposures = Exposures(2)
     first = [in_light(1.0), in_light(1.0, 1)]

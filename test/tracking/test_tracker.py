@@ -69,6 +69,35 @@ def test_other_light_is_told_from_another_world(clip, tracked, gain):
     assert clip.errors_mm(estimates).mean() < clip.errors_mm(tracked).mean() + 1.0
 
 
+def test_whatever_follows_a_found_body_sees_it_in_the_light_of_the_first_image(clip, monkeypatch):
+    """A start that is compared later learns its colors in the same light as the tracker that takes it."""
+    tracker = tracker_of(clip, from_dict({"modalities": ["region"]}))
+    seen: list[ImageSet] = []
+    monkeypatch.setattr(tracker._initializer, "find", lambda images, image_set, *more: seen.append(image_set))
+    tracker._track.start = None
+    for one in (clip.sets[0], in_light(clip.sets[1], 0.6)):
+        tracker.step(one)
+        tracker._track.start = None
+    assert seen[0] is clip.sets[0]
+    for image, true in zip(seen[1].images, clip.sets[1].images, strict=True):
+        assert abs(np.median(image.pixels.astype(float) / np.maximum(true.pixels, 1)) - 1.0) < 0.03
+        assert (image.camera, image.stamp_ns) == (true.camera, true.stamp_ns)
+
+
+def test_light_is_taken_out_of_images_of_any_encoding(clip):
+    gray = [[i.pixels.mean(axis=2).astype(np.uint8) for i in one.images] for one in clip.sets[:2]]
+    for encoding, pixels in (("rgb8", [[i.pixels[:, :, ::-1] for i in one.images] for one in clip.sets[:2]]), ("mono8", gray)):
+        tracker = tracker_of(clip, from_dict({"modalities": ["chamfer"]}))
+        first, second = (
+            replace(one, images=tuple(replace(i, pixels=p, encoding=encoding) for i, p in zip(one.images, row, strict=True)))
+            for one, row in zip(clip.sets[:2], pixels, strict=True)
+        )
+        assert tracker._in_first_light(first)[0] is first
+        dark, images = tracker._in_first_light(in_light(second, 0.6))
+        for image, bgr, true in zip(dark.images, images, second.images, strict=True):
+            assert image.bgr is bgr and abs(np.median(bgr.astype(float) / np.maximum(true.bgr, 1)) - 1.0) < 0.03
+
+
 WAYS = ({"chamfer.silhouette": "background"}, {"chamfer.distances": "sum"}, {"chamfer.sliding": False})
 
 

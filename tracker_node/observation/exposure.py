@@ -41,13 +41,12 @@ class Exposure:
         self._others = 0
         self.gains = np.ones(3)
 
-    def normalized(self, image: np.ndarray, learn: bool = True) -> np.ndarray:
-        """An image as it would be in the light of the first one.
+    def normalized(self, image: np.ndarray) -> np.ndarray:
+        """The next image as it would be in the light of the first one.
 
         Parameters
         ----------
         image : (h, w, 3) uint8.
-        learn : go on from this image; else it is an earlier one, looked at again.
 
         Returns
         -------
@@ -55,12 +54,10 @@ class Exposure:
         """
         now = image[::_EVERY, ::_EVERY].astype(np.float32)
         if self._before is None or self._before.shape != now.shape:
-            if learn:
-                self._before = now
+            self._before = now
             return image
         gains = np.ones(3) if _alike(now, self._before) else _gains(now, self._before)
-        if learn:
-            self._learn(now, gains)
+        self._learn(now, gains)
         if gains is None or np.abs(gains - 1.0).max() < _LEAST_GAIN:
             return image
         levels = np.arange(256.0)[:, None] / gains
@@ -115,17 +112,16 @@ class Exposures:
         for camera in self._cameras:
             camera.reset()
 
-    def normalized(self, images: Sequence[np.ndarray | None], learn: bool = True) -> list[np.ndarray | None]:
-        """All images of a set in the light of the first ones.
+    def normalized(self, images: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
+        """All images of the next set in the light of the first ones.
 
         Parameters
         ----------
         images : BGR pixels per camera, None where the set has none.
-        learn : of `Exposure.normalized`.
 
         Returns
         -------
         In the same order.
         """
         paired = zip(self._cameras, images, strict=True)
-        return [None if image is None else camera.normalized(image, learn) for camera, image in paired]
+        return [None if image is None else camera.normalized(image) for camera, image in paired]

@@ -189,7 +189,7 @@ class Tracker:
         ------
         CalibrationError : the images do not suit the cameras of this tracker.
         """
-        images, track, self._near = self._images(image_set, again=True), other._track, other._near
+        images, track, self._near = self._images(image_set), other._track, other._near
         assert track.start is not None
         self._restart(track.start)
         self._track.engine.begin(images, track.start, known=True)
@@ -223,7 +223,7 @@ class Tracker:
         self._track = other._track
         self._check.skip()
         self._late = other._late
-        return replace(estimate, faults=self._frozen.faults + self._check.faults)
+        return replace(estimate, faults=self._faults)
 
     def _supported(self, images: Images, states: list[State]) -> list[State]:
         """Where a LOST body may be: what was learned while it was tracked speaks for that, and more than for where it is taken to
@@ -261,8 +261,7 @@ class Tracker:
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set."""
         began = time.perf_counter()
-        image_set = self._without_frozen(image_set)
-        images = self._images(image_set)
+        image_set, images = self._in_first_light(self._without_frozen(image_set))
         people: PeopleSeen = ()
         if self._late is not None:
             self._go_back(self._late.since(image_set))
@@ -274,7 +273,7 @@ class Tracker:
                 return replace(found, timings=replace(found.timings, total_ms=1e3 * (time.perf_counter() - began)))
         track, engine, step = self._track, self._track.engine, self._stepped(image_set, images, people)
         fit, prior, assessment, information = step.fit, step.prior, step.assessment, step.information
-        faults = self._frozen.faults + self._compare_cameras(image_set.stamp_ns, fit, assessment)
+        self._compare_cameras(image_set.stamp_ns, fit, assessment)
         finished = time.perf_counter()
         report = engine.report(fit, image_set)
         evidence = report.images if information is not None else None
@@ -304,7 +303,7 @@ class Tracker:
             velocity_covariance=track.motion.velocity_covariance,
             information=alone,
             innovation=innovation,
-            faults=faults,
+            faults=self._faults,
             limbs=assessment.limbs,
             surfaces=engine.surfaces,
         )
@@ -353,7 +352,7 @@ class Tracker:
         if not begun and oldest.motion.predict(oldest.image_set.stamp_ns) is not None:
             self._track.motion, begun = copy(oldest.motion), True
         if begun:
-            step = self._stepped(oldest.image_set, self._images(oldest.image_set, again=True), oldest.people)
+            step = self._stepped(oldest.image_set, self._images(oldest.image_set), oldest.people)
             if step.assessment.status is not Status.LOST:
                 every = -(-len(past) // (_MOST_AGAIN + 1))
                 for i, each in enumerate(past[1:], 1):
@@ -373,21 +372,26 @@ class Tracker:
         prediction = track.motion.predict(image_set.stamp_ns)
         assert prediction is not None
         predicted, prior = self._expected(prediction), prediction.prior()
-        track.engine.observe(self._images(image_set, again=True), predicted, self._delays(image_set, prediction), past.people)
+        track.engine.observe(self._images(image_set), predicted, self._delays(image_set, prediction), past.people)
         fit = track.engine.refit(predicted, prior)
         track.start = fit.state
         track.motion.update(image_set.stamp_ns, fit.state, self._information(fit, prior, Assessment(Status.TRACKING, "")))
         self._late.add(PastSet(image_set, past.people, before))
 
-    def _compare_cameras(self, stamp_ns: int, fit: Fit, assessment: Assessment) -> tuple[CameraFault, ...]:
-        """Cameras that disagree with the others, by this set and those before."""
+    @property
+    def _faults(self) -> tuple[CameraFault, ...]:
+        """Of cameras that repeat an image, or that the others contradict."""
+        return self._frozen.faults + self._check.faults
+
+    def _compare_cameras(self, stamp_ns: int, fit: Fit, assessment: Assessment) -> None:
+        """Look for cameras that disagree with the others, by this set and those before."""
         if not self.config.self_check.enabled:
-            return ()
+            return
         usable = assessment.status in (Status.TRACKING, Status.DEGRADED) and not assessment.jumped
         if fit.comparison is None or not usable:
             self._check.skip()
-            return self._check.faults
-        return self._check.add(stamp_ns, fit.comparison)
+        else:
+            self._check.add(stamp_ns, fit.comparison)
 
     def _without_frozen(self, image_set: ImageSet) -> ImageSet:
         """The set without images that were there before while the body has moved on."""
@@ -398,11 +402,19 @@ class Tracker:
         over = {self.rig.names[i] for i in self._frozen.look(image_set.stamp_ns, pixels, self._track.start)}
         return replace(image_set, images=tuple(i for i in image_set.images if i.camera not in over)) if over else image_set
 
-    def _images(self, image_set: ImageSet, again: bool = False) -> list[np.ndarray | None]:
-        """BGR pixels per camera of the rig in the light of the first images, None where the set has none.
+    def _in_first_light(self, image_set: ImageSet) -> tuple[ImageSet, list[np.ndarray | None]]:
+        """The set as it would be in the light of the first one, and its images: who looks at it again sees the same colors."""
+        shown = self._images(image_set)
+        images = self._exposures.normalized(shown)
+        pairs = zip(self.rig.names, shown, images, strict=True)
+        lit = {name: pixels for name, before, pixels in pairs if pixels is not None and pixels is not before}
+        if lit:
+            every = (replace(i, pixels=lit[i.camera], encoding="bgr8") if i.camera in lit else i for i in image_set.images)
+            image_set = replace(image_set, images=tuple(every))
+        return image_set, images
 
-        ``again``: of an earlier set, which is looked at once more.
-        """
+    def _images(self, image_set: ImageSet) -> list[np.ndarray | None]:
+        """BGR pixels per camera of the rig, None where the set has none."""
         result: list[np.ndarray | None] = []
         for camera in self.rig:
             image = image_set.get(camera.name)
@@ -413,7 +425,7 @@ class Tracker:
                 expected = f"expected color images for the modality {self.config.colors}"
                 raise CalibrationError(camera.name, f"{expected}, got mono8")
             result.append(None if image is None else image.bgr)
-        return self._exposures.normalized(result, learn=not again)
+        return result
 
     def _expected(self, prediction: Prediction | None) -> State:
         state = (self._track.start or State.neutral(self.model)) if prediction is None else prediction.state
