@@ -119,6 +119,34 @@ def test_an_arm_that_is_elsewhere_in_the_images_is_moved_there_and_said_until_th
     assert np.linalg.norm(apart, axis=1).mean() < 0.02
 
 
+def test_two_arms_that_are_elsewhere_are_both_moved_in_the_same_set(wrong_arm):
+    given, true, _, made, images, _ = wrong_arm
+    judge, modes = made.judge.limbs, made.solver._search.modes
+    angles = true.joint_positions.copy()
+    arms = [index(judge, f"{side}_hand") for side in ("right", "left")]
+    for side in ("right", "left"):
+        angles[given.model.chain.axis_index(f"{side}_shoulder_elevation_front")] += np.radians(-60.0)
+    wrong = State(true.T_world_root, angles)
+    for i in arms:
+        modes.add(i, wrong, [own(judge, i, true)])
+    for _ in range(2):
+        made.observe(images, wrong)
+        fit = made.fit(wrong, first=False)
+    assert modes.followed == [] and fit.jumped
+    assert all(np.linalg.norm(judge.tip(i, fit.state) - judge.tip(i, true)) < 0.06 for i in arms)
+
+
+def test_where_points_come_which_know_each_limb_no_mode_is_followed(wrong_arm):
+    _, true, wrong, made, images, i = wrong_arm
+    judge, modes = made.judge.limbs, made.solver._search.modes
+    modes.add(i, wrong, [own(judge, i, true)])
+    made.solver._pace.next_set(has_points=True)
+    made.observe(images, wrong)
+    made.fit(wrong, first=False)
+    assert modes.followed == [] and not judge.rivals.any()
+    made.solver._pace.reset()
+
+
 def test_a_body_that_is_lost_has_no_modes(wrong_arm):
     _, true, wrong, made, images, i = wrong_arm
     judge, modes = made.judge.limbs, made.solver._search.modes

@@ -141,13 +141,15 @@ class LimbModes:
         """
         clear: dict[int, State] = {}
         for i in self.followed:
-            best, kept = _TAKEN, list[_Mode]()
+            best, kept, ends = _TAKEN, list[_Mode](), [self._judge.tip(i, state)]
             for mode in self._modes[i]:
                 pose = self._fitted(i, mode, state, images)
                 mode.evidence = _KEPT * mode.evidence + self.gain(i, pose.evidence, evidence)
-                if mode.evidence <= _DROPPED or _distance(self._judge.tip(i, pose.state), self._ends(i, state, kept)) < _SAME_M:
+                end = self._judge.tip(i, pose.state)
+                if mode.evidence <= _DROPPED or _distance(end, ends) < _SAME_M:
                     continue
                 kept.append(mode)
+                ends.append(end)
                 if mode.evidence > best and mode.sets >= _LEAST_SETS:
                     clear[i], best = pose.state, mode.evidence
             self._keep(i, kept)

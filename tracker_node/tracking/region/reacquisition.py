@@ -312,11 +312,15 @@ class Reacquisition(Solver):
         if self._judge.body_lost or self._pace.points_come:
             modes.reset()
         if modes.followed:
-            for i, state in modes.follow(fit.state, self._evidence(fit), self._images(fit)).items():
-                other = self._fitting.fit(state, self._scales, prior, fit.model_sigma_px)
-                if modes.gain(i, self._evidence(other), self._evidence(fit)) > 0.0:
+            evidence = self._evidence(fit)
+            for i, moved in modes.follow(fit.state, evidence, self._images(fit)).items():
+                own = self._judge.limbs[i].dofs[N_ROOT_DOF:]  # another limb may have been moved before
+                there = State(fit.state.T_world_root, np.where(own, moved.joint_positions, fit.state.joint_positions))
+                other = self._fitting.fit(there, self._scales, prior, fit.model_sigma_px)
+                other_evidence = self._evidence(other)
+                if modes.gain(i, other_evidence, evidence) > 0.0:
                     modes.drop(i)
-                    fit = replace(self._fitting.redrawn(other), jumped=True)
+                    fit, evidence = replace(self._fitting.redrawn(other), jumped=True), other_evidence
         self._judge.rivals[:] = np.isin(np.arange(len(self._judge.limbs)), modes.followed)
         return fit
 
