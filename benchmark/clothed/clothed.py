@@ -64,7 +64,7 @@ from benchmark.contour._runs import WARM_UP, print_circumstances
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.observation.keypoints.blazepose import BlazePoseFiles
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 
 PARTS = ("own_body", "trust", "starts", "contours")
 DEFAULT_SIZE = "full"
@@ -99,9 +99,7 @@ def main(arguments: list[str] | None = None) -> int:
     figures = figures_of(found, args.size)
     print_circumstances()
     print_table(found)
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

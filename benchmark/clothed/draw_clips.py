@@ -22,7 +22,7 @@ from benchmark.clothed._staging import Sources, set_stage
 from benchmark.clothed.person._body import FIRST_STEP, MANNEQUIN
 from benchmark.clothed.person._motions import MOTIONS
 from tracker_node.errors import SourceError, TrackerError
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import default_motions
 
 _QUICK_SETS = 2
@@ -44,9 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
     except TrackerError as error:
         print(f"draw_clips: error: {error}", file=sys.stderr)
         return 2
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -18,7 +18,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation
 from tracker_node.experiments.contour.clips import rendered, synthetic_clip, track_clip
 from tracker_node.experiments.contour.errors import until_converged
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import Request, default_motions
 from tracker_node.tracking.config import TrackerConfig
 
@@ -52,9 +52,7 @@ def main() -> int:
     except TrackerError as error:
         print(f"contour_accuracy: error: {error}", file=sys.stderr)
         return 2
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -42,7 +42,7 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.render.overlay import draw_overlay
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.config_file import load_config
 from tracker_node.tracking.config import TrackerConfig, updated
 from tracker_node.tracking.estimate import Status
@@ -74,9 +74,7 @@ def main() -> int:
     except TrackerError as error:
         print(f"contour_balancing: error: {error}", file=sys.stderr)
         return 2
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

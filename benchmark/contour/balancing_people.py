@@ -37,7 +37,7 @@ from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.model.clothes import with_surfaces
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus
 from tracker_node.tracking.tracker import Tracker
@@ -60,9 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"balancing: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -32,7 +32,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.scenes.room import cluttered_background
 from tracker_node.tracking.estimate import Status
 
@@ -147,9 +147,7 @@ def main() -> int:
         print(f"contour_box: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
-    print_metrics(metrics)
-    if args.json:
-        write_metrics(args.json, metrics)
+    report_metrics(metrics, args.json)
     return 0
 
 

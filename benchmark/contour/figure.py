@@ -37,7 +37,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.experiments.contour.errors import displaced
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import FIGURE_IMAGES, Request
 from tracker_node.synthesis.scenes.scene import SceneConfig, Studio
 from tracker_node.synthesis.subjects.cones import ModelSubject
@@ -69,9 +69,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"contour_figure: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -33,7 +33,7 @@ from benchmark.contour._runs import (
 from benchmark.contour.mannequins import BODY_CLIP, PERSON_SCENE, person_figures
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.loaders.images.source import load_backgrounds
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.motions.motion import LONG_RUN, LONG_RUN_IMAGES
 from tracker_node.synthesis.recording import Request, default_motions
 from tracker_node.synthesis.scenes.scene import SceneConfig
@@ -65,9 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"contour_long_run: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

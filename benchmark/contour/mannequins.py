@@ -32,7 +32,7 @@ from benchmark.contour._runs import (
 )
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.evaluation.evaluate import Evaluation
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import Request, default_motions
 from tracker_node.synthesis.scenes.scene import SceneConfig
 
@@ -66,9 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"contour_mannequin: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -29,7 +29,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.geometry import so3
 from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import FIGURE_IMAGES, Request, default_motions
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import DELAYED, TURNED
@@ -59,9 +59,7 @@ def main() -> int:
     except TrackerError as error:
         print(f"contour_self_check: error: {error}", file=sys.stderr)
         return 2
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -37,7 +37,7 @@ from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import FIGURE_IMAGES, Request, default_motions
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status
@@ -72,9 +72,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"contour_start: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -21,7 +21,7 @@ from benchmark.color.articulated import CLIPS, DEFAULT_CACHE, recording
 from benchmark.contour._runs import Clip, judged, track
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.images.source import load_backgrounds
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import default_motions
 from tracker_node.tracking.config import from_dict
 
@@ -43,9 +43,7 @@ def main() -> int:
     for engine in ENGINES:
         errors = [value for key, value in figures.items() if key.endswith(f".{engine}_error_mm")]
         figures[f"together.{engine}_error_mm"] = float(np.mean(errors))
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.consistency import effective_sets, mean_bounds, nees, whitened
 from tracker_node.evaluation.metrics import LOST_JOINT_M, LOST_LIMB_M
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus, Status
 
@@ -58,9 +58,7 @@ def main() -> int:
         print(f"contour_trust: error: {error}", file=sys.stderr)
         return 2
     figures = nees_figures(runs, fitted) | lost_figures(runs, config.status.limb_lost, args.picture)
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 
