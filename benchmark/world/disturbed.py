@@ -11,7 +11,6 @@ alone, from the true pose. A set is lost that is called LOST, or has a joint mor
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -22,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmark.clothed._recording import JOINTS, load_clip
+from benchmark.clothed._recording import JOINTS, default_folders, load_clip
 from benchmark.contour._runs import add_common_arguments, configured, print_circumstances, recorded
 from benchmark.contour.box import box_model, box_rig, box_states, image_sets
 from benchmark.contour.figure import FIGURE_SCENE, true_states
@@ -31,7 +30,7 @@ from tracker_node.errors import TrackerError
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.report.metrics_file import print_metrics, write_metrics
+from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import FIGURE_IMAGES, Request
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import FROZEN, Status, TrackEstimate
@@ -39,12 +38,16 @@ from tracker_node.tracking.tracker import Tracker
 
 BEFORE, DISTURBED = 20, 20  # image sets
 FROZEN_SETS = 10
+DRAWN = Path("out/clothed")
 LOST_JOINT_MM, LOST_BOX_MM, TURNED_COS = 200.0, 20.0, 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A part of a clip: image sets, and the joints (n, k, 3) of the truth beside those ``places`` reads from a state."""
+    """A part of a clip: image sets, where (n, k, 3) joints truly are, and ``places`` (k, 3) of the same in a state.
+
+    ``headings`` are true rotations of the root, (n, 3, 3); None: nobody knows.
+    """
 
     name: str
     rig: CameraRig
@@ -62,33 +65,29 @@ def lit(image: CameraImage, factor: float) -> CameraImage:
     return replace(image, pixels=np.clip(np.rint(factor * pixels), 0, 255).astype(np.uint8))
 
 
-def changed_light(scene: Scene, factor: Callable[[int, int], float]) -> Iterator[ImageSet]:
-    """The sets with images in other light: ``factor`` of sets since the change began and the camera's number."""
-    for k, one in enumerate(scene.sets):
-        images = one.images if k < BEFORE else tuple(lit(image, factor(k - BEFORE, i)) for i, image in enumerate(one.images))
-        yield replace(one, images=images)
+Change = Callable[[int, int, CameraImage], CameraImage]
+"""The image as it becomes, of sets since the change began, the number of the camera, and the image."""
 
 
-def disturbed(scene: Scene, name: str, seed: int) -> Iterator[ImageSet]:
-    """The sets of a scene with what ``name`` says done to them."""
+def changes(scene: Scene, seed: int) -> dict[str, Change]:
+    """What is done to the images, by name."""
     rng = np.random.default_rng(seed)
     camera, flicker = int(rng.integers(len(scene.rig))), rng.uniform(0.5, 1.5, DISTURBED)
-    if name == "calm":
-        yield from scene.sets
-        return
-    if name == "frozen":
-        for k, one in enumerate(scene.sets):
-            stuck = scene.sets[BEFORE].images[camera].pixels if BEFORE < k <= BEFORE + FROZEN_SETS else None
-            yield one if stuck is None else replace(
-                one, images=tuple(replace(image, pixels=stuck) if i == camera else image for i, image in enumerate(one.images))
-            )  # fmt: skip
-        return
-    factors: dict[str, Callable[[int, int], float]] = {
-        "light_step": lambda k, i: 0.6,
-        "flicker": lambda k, i: float(flicker[k]),
-        "one_dark": lambda k, i: 0.5 if i == camera else 1.0,
+    stuck = scene.sets[BEFORE].images[camera].pixels
+    return {
+        "calm": lambda k, i, image: image,
+        "light_step": lambda k, i, image: lit(image, 0.6),
+        "flicker": lambda k, i, image: lit(image, float(flicker[k])),
+        "one_dark": lambda k, i, image: lit(image, 0.5) if i == camera else image,
+        "frozen": lambda k, i, image: replace(image, pixels=stuck) if i == camera and 0 < k <= FROZEN_SETS else image,
     }
-    yield from changed_light(scene, factors[name])
+
+
+def disturbed(scene: Scene, change: Change) -> Iterator[ImageSet]:
+    """The sets of a scene, which change after the first ones."""
+    yield from scene.sets[:BEFORE]
+    for k, one in enumerate(scene.sets[BEFORE:]):
+        yield replace(one, images=tuple(change(k, i, image) for i, image in enumerate(one.images)))
 
 
 DISTURBANCES = ("calm", "light_step", "flicker", "one_dark", "frozen")
@@ -122,7 +121,7 @@ def clothed_scene(folder: Path, seed: int) -> Scene:
     first = int(np.random.default_rng(seed).integers(len(clip) - n))
     rows = [clip.model.landmark_index(joint) for joint in JOINTS]
     return Scene(
-        "clothed", clip.rig, clip.model, clip.start(first), [clip.image_set(row) for row in range(first, first + n)],
+        clip.name, clip.rig, clip.model, clip.start(first), [clip.image_set(row) for row in range(first, first + n)],
         clip.truth_m[first : first + n], None, lambda s: Configuration(clip.model, s).landmarks_world[rows], LOST_JOINT_MM,
     )  # fmt: skip
 
@@ -136,18 +135,17 @@ def judged(scene: Scene, run: list[TrackEstimate]) -> dict[str, float]:
     turned = 0
     if scene.headings is not None:
         turned = sum(float(run[k].state.T_world_root[:3, 0] @ scene.headings[k][:, 0]) < TURNED_COS for k in changed)
-    named = [k - BEFORE for k in changed if any(fault.kind == FROZEN for fault in run[k].faults)]
+    named_in = [k - BEFORE for k in changed if any(fault.kind == FROZEN for fault in run[k].faults)]
     worst = max(errors.mean() for errors in off)
     return {"lost": sum(lost), "unsaid": sum(a and not b for a, b in zip(lost, said, strict=True)), "turned": turned,
-            "worst_mm": float(worst), "named": float(named[0]) if named else np.inf}  # fmt: skip
+            "worst_mm": float(worst), "named": float(named_in[0]) if named_in else np.inf}  # fmt: skip
 
 
 def main(arguments: list[str] | None = None) -> int:
     args = _arguments(arguments)
     cv2.setNumThreads(1)
     seeds = range(1, 2 if args.quick else 6)
-    named = os.environ.get("TRACKER_SHARED_DATA")
-    folder = args.clip or (Path(named) / "clothed_people" / "jump" if named else None)
+    folder = args.clip or next(iter(default_folders(DRAWN)), None)
     figures: dict[str, float | int] = {}
     try:
         config = configured(args.changes)
@@ -161,16 +159,14 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"disturbed: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
-    print_metrics(figures)
-    if args.json:
-        write_metrics(args.json, figures)
+    report_metrics(figures, args.json)
     return 0
 
 
 def measured(scene: Scene, name: str, seed: int, config: TrackerConfig) -> dict[str, float]:
-    """One disturbance of one scene."""
+    """What becomes of one scene by one change."""
     tracker = Tracker(scene.rig, scene.model, config, None, scene.start)
-    return judged(scene, [tracker.step(one) for one in disturbed(scene, name, seed)])
+    return judged(scene, [tracker.step(one) for one in disturbed(scene, changes(scene, seed)[name])])
 
 
 def add(figures: dict[str, float | int], scene: Scene, name: str, found: dict[str, float], seed: int) -> None:
@@ -187,11 +183,12 @@ def add(figures: dict[str, float | int], scene: Scene, name: str, found: dict[st
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/world/disturbed.py --only light_step frozen",
+        epilog="example:\n  python benchmark/world/disturbed.py --only light_step frozen --clip out/clothed/clip_318",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_common_arguments(parser, list(DISTURBANCES))
-    parser.add_argument("--clip", type=Path, metavar="FOLDER", help="of a clothed person (default: jump of TRACKER_SHARED_DATA)")
+    what = "of a clothed person (default: jump of TRACKER_SHARED_DATA, or one of draw_clips.py)"
+    parser.add_argument("--clip", type=Path, metavar="FOLDER", help=what)
     return parser.parse_args(arguments)
 
 
