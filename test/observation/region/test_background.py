@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from tracker_node.observation.appearance import SceneModel
-from tracker_node.observation.region.background import LOG_STEP, NO_ROOM, RegionBackground
+from tracker_node.observation.region.background import LOG_STEP, NO_ROOM, WAY_PX, RegionBackground
 
 SIZE = (24, 32)
+HERE = np.zeros((4, 2))
+NOBODY = (0, 0, 128, 96), np.zeros((96, 128), np.uint8)
 
 
 def image(*bgr):
@@ -50,7 +52,7 @@ def test_the_first_image_is_learnt_beside_the_body():
     room = RegionBackground([], 4.0, 0.1, 4)
     labels = np.zeros((8, 8), np.uint8)
     labels[2:6, 2:6] = 3
-    room.learn(image(50, 60, 70), (8, 8, 16, 16), labels)
+    room.learn(image(50, 60, 70), (8, 8, 16, 16), labels, HERE)
     known = codes(room) > 0
     assert known[0, 0]
     assert not known[10:14, 10:14].any()
@@ -60,7 +62,8 @@ def test_the_first_image_is_learnt_beside_the_body():
 def test_later_images_count_by_the_rate_and_in_their_region_alone():
     room = RegionBackground([image(100, 100, 100)], 4.0, 0.5, 0)
     nothing = np.zeros((8, 8), np.uint8)
-    room.learn(image(120, 100, 100), (8, 8, 16, 16), nothing)
+    room.learn(image(100, 100, 100), (8, 8, 16, 16), nothing, HERE)  # all of the first image is looked at
+    room.learn(image(120, 100, 100), (8, 8, 16, 16), nothing, HERE)
     blue = colors(room.packed[0])[..., 0]
     assert set(np.unique(blue[8:16, 8:16])) <= set(range(105, 116))
     outside = np.ones(SIZE, bool)
@@ -71,5 +74,63 @@ def test_later_images_count_by_the_rate_and_in_their_region_alone():
 def test_a_room_that_does_not_change_stays():
     room = RegionBackground([image(100, 100, 100)], 4.0, 0.0, 0)
     before = room.packed[0].copy()
-    room.learn(image(200, 0, 0), (0, 0, 8, 8), np.zeros((8, 8), np.uint8))
+    room.learn(image(200, 0, 0), (0, 0, 8, 8), np.zeros((8, 8), np.uint8), HERE)
     np.testing.assert_array_equal(room.packed[0], before)
+
+
+def striped(shift: int) -> np.ndarray:
+    """Stripes four pixels wide on the left, which move; one color on the right, which stands still."""
+    picture = plain(100)
+    levels = np.random.default_rng(1).integers(0, 255, 400, dtype=np.uint8)
+    picture[:, :80] = levels[(np.arange(80) + shift) // 4][None, :, None]
+    return picture
+
+
+def plain(level: int) -> np.ndarray:
+    return np.full((96, 128, 3), level, np.uint8)
+
+
+def gone(n: int, moves: bool = True) -> RegionBackground:
+    """A body has gone 4 px from image to image, or has rested, while the stripes went by 3 px."""
+    room = RegionBackground([], 4.0, 0.05, 0)
+    for k in range(n):
+        room.learn(striped(3 * k), *NOBODY, HERE + (4.0 * k if moves else 0.3 * (k % 2)))
+    return room
+
+
+def test_what_moves_with_the_body_is_no_background():
+    room = gone(40)
+    known = codes(room) > 0
+    assert known[:, 80:].all()
+    assert known[:, :80].mean() < 0.2  # by chance
+
+
+def test_a_body_that_rests_proves_nothing():
+    """Its fit trembles."""
+    room = gone(40, moves=False)
+    assert room._way.to(HERE) == 0.0 and not room._proofs.any()
+
+
+def test_background_that_stands_still_counts_from_the_first_image_on_and_keeps_what_passes_by():
+    room = RegionBackground([], 4.0, 0.05, 0)
+    for k in range(10):
+        room.learn(plain(100), *NOBODY, HERE + 4.0 * k)
+        assert (codes(room) > 0).all()
+    passing = plain(100)
+    passing[:3] = 250
+    room.learn(passing, *NOBODY, HERE + 40.0)
+    assert (codes(room) > 0).all() and set(np.unique(colors(room.packed[0]))) == {100}
+
+
+def test_surroundings_that_come_to_rest_are_background_again():
+    room = gone(40)
+    for k in range(int(4 * WAY_PX)):
+        room.learn(striped(0), *NOBODY, HERE + 160.0 + 4.0 * k)
+    assert (codes(room) > 0).all()
+
+
+def test_images_of_the_empty_scene_count_whatever_moves():
+    room = RegionBackground([plain(100)], 4.0, 0.05, 0)
+    for k in range(40):
+        room.learn(striped(3 * k), *NOBODY, HERE + 4.0 * k)
+    assert (codes(room) > 0).all()

@@ -20,6 +20,7 @@ from ..appearance import BINS, Region, count_colors, spread_counts
 N_COLORS = BINS**3
 UNIFORM = 1.0 / N_COLORS
 _MIX = 0.02  # a little of every color: none is impossible
+_DOUBTFUL = 0.3  # weight of surroundings that may be the body's
 _LEAST_COUNT = 20  # pixels; fewer do not count
 
 
@@ -174,6 +175,12 @@ def _stated_density(color_rgb: tuple[float, ...]) -> np.ndarray:
 class RegionColors:
     """Color densities of one camera.
 
+    Parameters
+    ----------
+    classes : (n_shapes,) of `color_classes`.
+    stated : (n_classes, `N_COLORS`) of `stated_densities`.
+    prior_share : fraction of the stated color in a part's, where the images bear it out.
+
     Attributes
     ----------
     body : (n_classes, `N_COLORS`) float32, densities per bin of every class.
@@ -195,7 +202,7 @@ class RegionColors:
 
     def learn(
         self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int,
-        reliable: np.ndarray | None = None,
+        reliable: np.ndarray | None = None, sure_px: int | None = None,
     ) -> None:  # fmt: skip
         """Mix in the colors of one image.
 
@@ -205,9 +212,11 @@ class RegionColors:
         region : (u0, v0, u1, v1) around the body.
         labels : (h, w) uint8 on the region, 1 + shape, 0 beside the body.
         rate : weight of this image, 0..1.
-        guard_px : nothing nearer to the outline is learned as surroundings.
+        guard_px : what is nearer to the outline is not learned as surroundings.
         reach_px : surroundings are what lies so near to the outline.
         reliable : (n_shapes,) bool, parts that are where they are drawn; nothing is learned of others.
+        sure_px : what is nearer than ``guard_px``, but not than this, may be the body's, or its shadow, and counts a little; None:
+            it does not.
         """
         u0, v0, u1, v1 = region
         body = (labels > 0).view(np.uint8)
@@ -224,6 +233,10 @@ class RegionColors:
         counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
         crop = np.ascontiguousarray(bgr[v0:v1, u0:u1])
         count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
+        if sure_px is not None and sure_px < guard_px:
+            inside = np.ones((2 * sure_px + 1, 2 * sure_px + 1), dtype=np.uint8)
+            doubtful = cv2.dilate(body, square).view(np.bool_) > cv2.dilate(body, inside).view(np.bool_)
+            scene += np.rint(_DOUBTFUL * _counts(crop, doubtful))
         mix_classes(self._parts, counts, np.float32(rate), self._kinds, self._support)
         mix_counts(self._around, scene, np.float32(rate))
         if self._as_stated is not False and self._stated.any() and not self._was_reliable.all():

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
+from ...model.configuration import Configuration, State
+from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.lines.correspondences import Offsets, View
 from ...objective.per_camera import bodies_seen
 from ...observation.chamfer.observer import checked_backgrounds
@@ -16,6 +17,7 @@ from ...observation.region.background import RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ...observation.region.silhouette import odds_table, packed
 from ...render.occluders import Occluders
+from ...render.shape_arrays import bounding_sphere
 from ..config import BackgroundConfig, KeypointConfig, RegionConfig
 from ..modality import Images, Persons
 
@@ -52,6 +54,7 @@ class RegionAppearance:
         self._rig, self._model, self._config, self._background = rig, model, config, background
         self._parallel, self._occluders, self._images = parallel, occluders, dict(backgrounds)
         self.classes = color_classes(model)
+        self._bounds = np.array([bounding_sphere(shape.primitive) for shape in model.shapes])
         self._stated = stated_densities(model, self.classes)
         self.reset()
 
@@ -116,17 +119,28 @@ class RegionAppearance:
         """
         bodies, around = bodies_seen(self._model, state, offsets), self._config.background_ring_px
         trusted = None if weights is None else np.asarray(weights > 0.5)
+        # Beside limbs lies what is before or behind others: only of a rigid body is it likely to be its shadow
+        sure_px = self._config.margin_px if self._model.n_dof == N_ROOT_DOF else None
         background = self._config.learn_background and trusted is not None and bool(trusted.all())
 
         def learn(i: int) -> None:
             found = self._occluders.look(i, bodies[i], self._rig.cameras[i], around)
             image = images[i]
             if found is not None and image is not None:
-                self._colors[i].learn(image, found.region, found.labels, rate, margin_px, around, trusted)
+                self._colors[i].learn(image, found.region, found.labels, rate, margin_px, around, trusted, sure_px)
                 if background:
-                    self._rooms[i].learn(image, found.region, found.labels)
+                    self._rooms[i].learn(image, found.region, found.labels, self._places(i, bodies[i]))
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
+
+    def _places(self, i: int, body: Configuration) -> np.ndarray:
+        """(4 n_shapes, 2) pixels of the middle of every shape, and of points on its axes; not a number behind the camera."""
+        camera, Ts = self._rig.cameras[i], body.Ts_world_shape
+        middles = np.einsum("nij,nj->ni", Ts[:, :3, :3], self._bounds[:, :3]) + Ts[:, :3, 3]
+        spokes = self._bounds[:, 3, None, None] * np.swapaxes(Ts[:, :3, :3], 1, 2)
+        points = np.concatenate([middles[:, None], middles[:, None] + spokes], axis=1).reshape(-1, 3)
+        pixels, ahead = camera.project(points)
+        return np.where(ahead[:, None], pixels, np.nan)
 
     def trust_stated(self) -> None:
         """Use the colors that the model states as far as the images agree with them."""
