@@ -93,13 +93,13 @@ def rig_of(azimuths_deg: tuple[float, ...], elevation_deg: float = 30.0) -> Came
     return CameraRig(tuple(cameras), lights=LIGHTS)
 
 
-def way(model: ArticulatedModel, seed: int, step_m: float, step_rad: float, flat: bool = False, rests: bool = False) -> list[State]:
-    """A way that stays near the origin; ``flat``: on a table; ``rests``: with pauses, ten sets at first."""
+def way(model: ArticulatedModel, seed: int, step_m: float, step_rad: float, flat: bool = False) -> list[State]:
+    """A way that stays near the origin; ``flat``: on a table, with rests, ten sets at first."""
     rng = np.random.default_rng([seed, 11])
     position, rotation = np.zeros(3), so3.exp((0.0, 0.0, rng.uniform(-np.pi, np.pi))) if flat else so3.exp(rng.normal(size=3))
     heading, axis = rng.normal(size=3), rng.normal(size=3)
     goes = np.ones(SETS)
-    if rests:
+    if flat:
         goes = np.clip(np.sin(0.13 * np.arange(SETS) - rng.uniform(1.0, 1.3)) * 1.5, 0.0, 1.0)
     states = []
     for go in goes:
@@ -141,7 +141,7 @@ def carried_board(seed: int) -> Scene:
     board = Box((0.5, 0.4, 0.012), textures=(None, None, None, None, pattern, None))
     thing = rigid((Shape("box", "thing", box, color_rgb=drawn_color(seed)),), "box")
     under = Shape("board", "thing", board, moved(-0.5 * box.size[2] - 0.006), (150, 140, 120))
-    states = way(thing, seed, 0.003, np.radians(1.0), flat=True, rests=True)
+    states = way(thing, seed, 0.003, np.radians(1.0), flat=True)
     return Scene(rig, thing, (under,), states, [cluttered_background(camera, seed + 40) for camera in rig])
 
 
@@ -151,7 +151,7 @@ def sliding_shadow(seed: int) -> Scene:
     rng = np.random.default_rng([seed, 14])
     tone = rng.uniform(110.0, 200.0) * rng.uniform(0.9, 1.1, 3)
     thing = rigid((Shape("box", "thing", box, color_rgb=drawn_color(seed)),), "box")
-    states = way(thing, seed, 0.003, np.radians(1.0), flat=True, rests=True)
+    states = way(thing, seed, 0.003, np.radians(1.0), flat=True)
     grain = np.random.default_rng([seed, 15]).normal(0.0, 3.0, (2, 480, 640, 1))
     tables = [np.clip(tone[::-1] + 4.0 * cv2.GaussianBlur(g, (0, 0), 2.0)[..., None], 0, 255).astype(np.uint8) for g in grain]
     azimuth, slope, depth = rng.uniform(-np.pi, np.pi), rng.uniform(0.3, 1.0), rng.uniform(0.3, 0.6)
@@ -260,7 +260,8 @@ def summed(name: str, runs: list[dict[str, float | int]]) -> dict[str, float | i
     sets = sum(run["sets"] for run in runs)
     wrong = sets - sum(run["right"] for run in runs)
     figures: dict[str, float | int] = {"sets": sets, "right": (sets - wrong) / sets, "wrong": wrong}
-    figures |= {key: sum(run[key] for run in runs) for key in ("unsaid", "lost_unsaid", "right_called_lost", "right_called_degraded")}
+    counted = "unsaid", "lost_unsaid", "right_called_lost", "right_called_degraded"
+    figures |= {key: sum(run[key] for run in runs) for key in counted}
     figures |= {key: float(np.median([run[key] for run in runs])) for key in ("error_mm", "angle_deg")}
     return {f"{name}.{key}": value for key, value in figures.items()}
 

@@ -152,3 +152,41 @@ def test_the_tree_holds_every_triangle_once_within_its_boxes():
 def test_an_icosahedron_has_thirty_edges():
     solid = solid_of(icosahedron(1.0))
     assert len(solid.edges) == 30 and solid.convex
+
+
+def test_a_mesh_of_many_faces_is_simplified_and_stays_where_it_is():
+    """A ball of 81 920 faces: a closed one of 8000, nowhere three thousandths of its radius off, without a crease."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=6, radius=0.1)
+    solid = solid_of(Mesh(np.asarray(ball.vertices) + np.array([5.0, 0.0, 0.0]), np.asarray(ball.faces)))
+    assert solid.closed and len(solid.triangles) == ce._MOST_FACES
+    corners = np.vstack([solid.triangles[:, :3], solid.triangles[:, :3] + solid.triangles[:, 3:6]]) - [5.0, 0.0, 0.0]
+    np.testing.assert_allclose(np.linalg.norm(corners, axis=1), 0.1, rtol=3e-3)
+    assert not (solid.edges[:, 14].astype(int) & CREASE).any()
+
+
+def test_a_simplified_mesh_has_creases_where_it_had_them():
+    """A lens of two bowed sides: around its rim alone, though its facets have become coarser."""
+    import trimesh
+
+    ball = trimesh.creation.uv_sphere(radius=1.0, count=[81, 160])
+    x, y, z = np.asarray(ball.vertices).T
+    height = np.sqrt(2.25 - x**2 - y**2) - np.sqrt(1.25)
+    lens = Mesh(0.1 * np.column_stack([x, y, np.where(np.abs(z) < 1e-6, 0.0, np.sign(z) * height)]), np.asarray(ball.faces))
+    solid = solid_of(lens)
+    assert solid.closed and len(lens.faces) > ce._MOST_FACES >= len(solid.triangles)
+    creases = solid.edges[(solid.edges[:, 14].astype(int) & CREASE) > 0]
+    assert len(creases) > 20
+    np.testing.assert_allclose(np.linalg.norm(0.5 * (creases[:, :2] + creases[:, 3:5]), axis=1), 0.1, rtol=0.02)
+
+
+def test_a_closed_mesh_that_cannot_be_simplified_without_holes_stays_as_it_is():
+    """The flat sides of a box of 12 288 faces fall apart."""
+    import trimesh
+
+    box = trimesh.creation.box((0.2, 0.4, 0.6))
+    for _ in range(5):
+        box = box.subdivide()
+    solid = solid_of(Mesh(np.asarray(box.vertices), np.asarray(box.faces)))
+    assert solid.closed and len(solid.triangles) == 12288

@@ -25,6 +25,7 @@ LOW, HIGH, FIRST, COUNT = 0, 3, 6, 7
 N_NODE_COLUMNS = 8
 N_TRIANGLE_COLUMNS = 9  # a corner, and the edges to the other two
 
+_MOST_FACES = 8000  # of a mesh whose contours are drawn; of more, so many are left, which stay far within a pixel of them
 _FLAT_RAD = 1e-5  # faces that make less of an angle are one face
 _CREASE_RAD = np.radians(30.0)
 _LEAF = 4  # triangles
@@ -61,12 +62,16 @@ def box_mesh(box: Box) -> Mesh:
 
 
 def solid_of(primitive: Box | Mesh) -> Solid:
-    """Edges and tree of a box or mesh. Vertices at the same place (to a nanometer) count as one, faces without area as none."""
+    """Edges and tree of a box or mesh.
+
+    Vertices at the same place (to a nanometer) count as one, faces without area as none. Meshes of many faces are simplified by
+    quadric errors (Garland & Heckbert 1997): scanned ones have edges by the hundred thousand, none longer than a pixel.
+    """
     mesh = box_mesh(primitive) if isinstance(primitive, Box) else primitive
-    vertices, faces = _welded(mesh)
-    normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
-    areas = np.linalg.norm(normals, axis=1)
-    faces, normals = faces[areas > 0.0], normals[areas > 0.0] / areas[areas > 0.0, None]
+    given = _welded(mesh)
+    vertices, faces = _simplified(*given)
+    normals, areas = _normals(vertices, faces)
+    faces, normals = faces[areas > 0.0], normals[areas > 0.0]
     pairs, borders = _sides(faces)
     closed = len(borders) == 0 and len(faces) > 0
     if closed and np.einsum("ij,ij->", vertices[faces[:, 0]], normals * areas[areas > 0.0, None]) < 0.0:
@@ -74,6 +79,8 @@ def solid_of(primitive: Box | Mesh) -> Solid:
         pairs, borders = _sides(faces)
     offsets = np.einsum("ij,ij->i", vertices[faces[:, 0]], normals)
     edges, locally_convex = _edges(vertices, faces, normals, offsets, pairs, borders, closed)
+    if faces.shape != given[1].shape:
+        edges = _with_creases_of(given, edges)
     triangles, nodes = _tree(vertices[faces])
     return Solid(edges, triangles, nodes, closed, closed and locally_convex and _is_convex(vertices, normals, offsets))
 
@@ -83,6 +90,53 @@ def _welded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     faces = index.reshape(-1)[mesh.faces].astype(np.int64).reshape(-1, 3)
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     return vertices, faces[whole]
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (n, 3), zero where a face has no area, and twice the areas (n,)."""
+    normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
+    areas = np.linalg.norm(normals, axis=1)
+    return normals / np.where(areas > 0.0, areas, 1.0)[:, None], areas
+
+
+def _simplified(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A mesh of at most `_MOST_FACES`, or the given one where that would open it."""
+    if len(faces) <= _MOST_FACES:
+        return vertices, faces
+    import fast_simplification  # few models need it
+
+    middle = vertices.mean(axis=0)  # it computes in float32
+    points, left = fast_simplification.simplify(vertices - middle, faces, target_count=_MOST_FACES)
+    points, left = np.asarray(points, dtype=np.float64) + middle, np.asarray(left, dtype=np.int64)
+    left = left[_normals(points, left)[1] > 0.0]
+    if len(_sides(left)[1]) and not len(_sides(faces)[1]):
+        return vertices, faces
+    return points, left
+
+
+def _with_creases_of(given: tuple[np.ndarray, np.ndarray], edges: np.ndarray) -> np.ndarray:
+    """The edges of a simplified mesh that are creases only where the mesh it is made of has some: facets of a tube are none."""
+    from scipy.spatial import cKDTree  # slow to import
+
+    vertices, faces = given
+    normals, _ = _normals(vertices, faces)
+    pairs, _ = _sides(faces)
+    sharp = np.einsum("ij,ij->i", normals[pairs[:, 0] // 3], normals[pairs[:, 1] // 3]) < np.cos(_CREASE_RAD)
+    starts, ends = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    corners = np.unique(np.concatenate([starts[pairs[sharp, 0]], ends[pairs[sharp, 0]]]))
+    creases = (edges[:, MANNER].astype(int) & CREASE) > 0
+    if len(corners) and creases.any():
+        tree = cKDTree(vertices[corners])
+        for end in (START, END):
+            away, _ = tree.query(edges[creases, end : end + 3])
+            lengths = np.linalg.norm(edges[creases, END : END + 3] - edges[creases, START : START + 3], axis=1)
+            near = np.zeros(len(edges), dtype=np.bool_)
+            near[creases] = away <= 0.5 * lengths
+            edges[creases & ~near, MANNER] -= CREASE
+            creases &= near
+    elif creases.any():
+        edges[creases, MANNER] -= CREASE
+    return edges[edges[:, MANNER] > 0]
 
 
 def _sides(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -203,6 +203,10 @@ class MotionConfig:
     The noise is that of a white acceleration, the memory how long a velocity lasts: see `tracking.motion.dynamics`.
     """
 
+    base: str = parameter(
+        "free", "fixed: the root stays where it is on the first image set, which is found ever better, as an arm's does",
+        choices=("free", "fixed"), of=GEOMETRIC,
+    )  # fmt: skip
     root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
     root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
     joint_noise: float = parameter(25.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6, of=GEOMETRIC)

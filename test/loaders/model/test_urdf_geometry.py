@@ -8,6 +8,22 @@ from tracker_node.loaders.model.urdf import read_materials, read_shapes
 from tracker_node.loaders.model.urdf_xml import read_robot
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, TruncatedCone
 
+COLLADA = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>{unit}<up_axis>{up}</up_axis></asset>
+<library_effects><effect id="paint"><profile_COMMON><technique sid="common"><lambert>
+<diffuse><color>1 0 0 1</color></diffuse></lambert></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="red"><instance_effect url="#paint"/></material></library_materials>
+<library_geometries><geometry id="tip"><mesh>
+<source id="places"><float_array id="numbers" count="12">0 0 0 100 0 0 0 200 0 0 0 300</float_array><technique_common>
+<accessor source="#numbers" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="corners"><input semantic="POSITION" source="#places"/></vertices>
+<triangles count="4" material="m">
+<input semantic="VERTEX" source="#corners" offset="0"/><p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="all"><node><instance_geometry url="#tip"><bind_material><technique_common>
+<instance_material symbol="m" target="#red"/></technique_common></bind_material></instance_geometry></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#all"/></scene></COLLADA>"""
 STEEL = '<material name="steel"><color rgba="0.2 0.4 0.6 1"/></material>'
 GRAY = (180, 180, 180)
 BOX = '<box size="1 2 3"/>'
@@ -95,3 +111,13 @@ def test_meshes_scaled_and_in_a_mirror(tmp_path):
         assert plain.vertices == pytest.approx(corners) and np.array_equal(plain.faces, faces)
         assert mirrored.vertices == pytest.approx(corners * [2.0, 3.0, -4.0]) and np.array_equal(mirrored.faces, faces[:, ::-1])
         assert np.array_equal(two.faces, faces)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [('<unit name="millimeter" meter="0.001"/>', 0.001), ("", 1.0)])
+@pytest.mark.parametrize("up", ["Y_UP", "Z_UP"])
+def test_collada_in_its_unit_and_as_robots_use_it_whatever_is_up(tmp_path, unit, scale, up):
+    (tmp_path / "tip.dae").write_text(COLLADA.format(unit=unit, up=up))
+    found = shapes(tmp_path, visual('<mesh filename="tip.dae"/>'))[0].primitive
+    corners = scale * np.array([[0.0, 0, 0], [100, 0, 0], [0, 200, 0], [0, 0, 300]])
+    assert np.unique(found.vertices, axis=0) == pytest.approx(np.unique(corners, axis=0))
+    assert found.vertex_colors_rgb is not None and found.vertex_colors_rgb[0].tolist() == [255, 0, 0]

@@ -82,3 +82,39 @@ def test_a_part_moves_its_links_and_no_others(part):
     moved = state.retract(np.where(part.dofs, rng.normal(0.0, 0.3, n), 0.0))
     before, after = (Configuration(HUMAN, s).Ts_world_link for s in (state, moved))
     np.testing.assert_array_equal(np.abs(after - before).max(axis=(1, 2)) > 1e-9, part.links)
+
+
+def gripper(finger_m: float, hangs_on_root: bool) -> ArticulatedModel:
+    """An arm of a meter with two fingers; it leaves a base that has a tail too, or is all there is."""
+    eye, turn = np.eye(4), (0.0, 1.0, 0.0)
+    out = eye.copy()
+    out[2, 3] = 1.0
+    joints = [
+        Joint("shoulder", "base", "arm", eye, (Axis("bend", turn),)),
+        Joint("one", "arm", "finger_1", out, (Axis("close_1", turn),)),
+        Joint("two", "arm", "finger_2", out, (Axis("close_2", turn),)),
+    ]
+    if not hangs_on_root:
+        joints.append(Joint("other", "base", "tail", eye, (Axis("wag", (0.0, 0.0, 1.0)),)))
+    links = ("base", "arm", "finger_1", "finger_2", "tail")[: 2 + len(joints) - 1]
+    radii = {"finger_1": finger_m, "finger_2": finger_m}
+    shapes = tuple(Shape(link, link, Ellipsoid((radii.get(link, 0.2),) * 3)) for link in links)
+    return ArticulatedModel("x", KinematicChain(links, tuple(joints)), shapes)
+
+
+@pytest.mark.parametrize(
+    ("finger_m", "hangs_on_root", "expected"),
+    [
+        (0.03, True, [["base", "arm", "finger_1", "finger_2"]]),
+        (0.03, False, [["base"], ["arm", "finger_1", "finger_2"], ["tail"]]),
+        (0.2, True, [["base", "arm"], ["finger_1"], ["finger_2"]]),
+        (0.2, False, [["base", "arm"], ["finger_1"], ["finger_2"], ["tail"]]),
+    ],
+)  # fmt: skip
+def test_fingers_too_small_to_be_judged_belong_to_the_arm(finger_m, hangs_on_root, expected):
+    model = gripper(finger_m, hangs_on_root)
+    limbs = limbs_of(model)
+    found = [[model.chain.links[i] for i in np.flatnonzero(limb.links)] for limb in limbs]
+    assert found[0] == expected[0] and sorted(found) == sorted(expected)
+    for masks in ([limb.dofs for limb in limbs], [limb.shapes for limb in limbs]):
+        assert (np.sum(masks, axis=0) == 1).all()

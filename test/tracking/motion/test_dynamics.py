@@ -160,3 +160,18 @@ def test_no_time_is_no_change():
     after = Dynamics.of(MotionConfig(), chain).propagate(Belief(state, np.full(N, 0.1), np.eye(2 * N)), 0.0)
     np.testing.assert_array_equal(after.state.difference(state), np.zeros(N))
     np.testing.assert_allclose(after.covariance, np.eye(2 * N), atol=1e-15)
+
+
+def test_a_fixed_base_stays_and_is_found_ever_better():
+    """Measured 30 times a second for ten seconds, each time to 10 mm or mrad; joints move as ever."""
+    free, fixed = dynamics(), dynamics(base="fixed")
+    np.testing.assert_array_equal(free.noise[6:], fixed.noise[6:])
+    state, measured = State.neutral(two_links()), np.eye(N) / 0.01**2
+    believed = fixed.start(state, measured)
+    for _ in range(300):
+        ahead = fixed.propagate(believed, 1.0 / 30.0)
+        believed = correct(ahead, state, measured)
+    sigmas = np.sqrt(np.diag(believed.state_covariance))
+    assert sigmas[:6].max() < 0.002 and sigmas[6:].min() > 0.005
+    later = fixed.propagate(believed, 1.0)
+    assert np.sqrt(np.diag(later.state_covariance))[:6].max() < 0.003

@@ -1,4 +1,4 @@
-"""Triangle meshes with their colors and textures, from and to files (what trimesh reads: STL, PLY, OBJ, OFF, glTF ...)."""
+"""Triangle meshes with their colors and textures, from and to files (what trimesh reads: STL, PLY, OBJ, glTF, COLLADA ...)."""
 
 from __future__ import annotations
 
@@ -85,6 +85,8 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
     try:
         # process=False keeps the vertices as they are
         scene: Any = trimesh.load_scene(file, process=False)
+        if file.suffix.lower() == ".dae" and scene.units is not None:  # what is up in it does not count for robots
+            scene = scene.convert_units("meters")
         loaded: Any = scene.to_mesh()
     except Exception as error:  # trimesh's readers raise whatever their parsers do
         raise FileFormatError(referrer, field, "a readable mesh", f"{file}: {error}") from None

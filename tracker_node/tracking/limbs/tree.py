@@ -1,7 +1,8 @@
 """Limbs: the trunk and the branches of the kinematic tree, which are assessed and searched one by one; other groups of joints.
 
 Links that are welded to each other count as one. A branch begins where it leaves a link that has others, or the root, and ends at
-a leaf, whose name it has: for the human ``left_hand`` is the arm from the clavicle on.
+a leaf, whose name it has: for the human ``left_hand`` is the arm from the clavicle on. Branches too small to be judged, such as
+the fingers of a gripper, are no limbs: they belong to the branch that ends in them, or to the trunk.
 """
 
 from __future__ import annotations
@@ -11,7 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
+from ...render.shape_arrays import bounding_sphere
+
+_LEAST_SIZE = 0.1  # of the whole body, that a limb has
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +35,7 @@ class Limb:
 def limbs_of(model: ArticulatedModel) -> tuple[Limb, ...]:
     """The trunk, with the root's six degrees of freedom, first; then the limbs that have shapes, in the order of their ends."""
     chain = model.chain
-    branches = _branches(chain)
+    branches = _branches(model)
     trunk = np.ones(len(chain.links), dtype=np.bool_)
     result = []
     for links in branches:
@@ -54,10 +59,32 @@ def joint_groups(chain: KinematicChain) -> list[np.ndarray]:
     return [group for group in groups if len(group)]
 
 
-def _branches(chain: KinematicChain) -> list[list[int]]:
+def _branches(model: ArticulatedModel) -> list[list[int]]:
     """Indices of the links of each branch with degrees of freedom of its own, in the order of their ends."""
-    ends = sorted((stretch for stretch in _stretches(chain) if stretch.is_end and stretch.jointed), key=lambda s: s.bodies[-1])
-    return [stretch.jointed for stretch in ends]
+    chain, stretches = model.chain, _stretches(model.chain)
+    small = {i for i, s in enumerate(stretches) if s.is_end and _is_small(model, s.jointed)}
+    ends = [(s.bodies[-1], s.jointed) for i, s in enumerate(stretches) if s.is_end and s.jointed and i not in small]
+    for i, stretch in enumerate(stretches):
+        on_it = [k for k, other in enumerate(stretches) if k > i and chain.parents[other.bodies[0]] in stretch.links]
+        if on_it and small.issuperset(on_it) and 0 not in stretch.bodies:
+            ends.append((stretch.bodies[-1], sorted(stretch.links + [link for k in on_it for link in stretches[k].links])))
+    return [links for _, links in sorted(ends)]
+
+
+def _is_small(model: ArticulatedModel, links: list[int]) -> bool:
+    """Whether the shapes of some links are, together, less than a tenth as large as those of the whole body."""
+    own = np.isin(model.shape_links, links)
+    if not own.any() or own.all():
+        return False
+    Ts = Configuration(model, State.neutral(model)).Ts_world_shape
+    spheres = np.array([bounding_sphere(shape.primitive) for shape in model.shapes])
+    middles = np.einsum("nij,nj->ni", Ts[:, :3, :3], spheres[:, :3]) + Ts[:, :3, 3]
+
+    def size(some: np.ndarray) -> float:
+        low, high = middles[some] - spheres[some, 3:], middles[some] + spheres[some, 3:]
+        return float((high.max(axis=0) - low.min(axis=0)).max())
+
+    return size(own) < _LEAST_SIZE * size(np.ones_like(own))
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from ...objective.constraints.prior import Prior
 from ..config import MotionConfig
 
 _ROTATION = slice(3, 6)
+_STILL, _FORGETS_S = 1.0, 1e-3  # m or rad per s^1.5, and seconds: a millimeter in a second, so that early errors fade
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +88,8 @@ class Dynamics:
         noise[3:6], memory_s[3:6] = config.root_angle_noise, config.root_angle_time_constant_s
         noise[N_ROOT_DOF:] = np.where(slides, config.root_position_noise, config.joint_noise)
         memory_s[N_ROOT_DOF:] = config.joint_time_constant_s
+        if config.base == "fixed":
+            noise[:N_ROOT_DOF], memory_s[:N_ROOT_DOF] = _STILL, _FORGETS_S
         return cls(share * noise, memory_s)
 
     def start(self, state: State, information: np.ndarray, spread: float = 1.0) -> Belief:
