@@ -52,6 +52,7 @@ def test_sets_are_counted_that_are_right_wrong_and_far_and_what_is_said():
     run[5], run[6] = estimate(5, 0.06, Status.LOST), estimate(6, 0.0, Status.LOST)
     found = things.judged(run, scene.states)
     assert (found["right"], found["unsaid"], found["lost_unsaid"], found["right_called_lost"]) == (things.SETS - 3, 2, 1, 1)
+    assert found["tracked"] == things.SETS - 3
     total = things.summed("x", [found, found])
     assert total["x.wrong"] == 6 and total["x.right"] == pytest.approx(1.0 - 3.0 / things.SETS) and total["x.lost_unsaid"] == 2
     T = [state.T_world_root for state in scene.states]
