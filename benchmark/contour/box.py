@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -55,55 +55,77 @@ def box_model() -> ArticulatedModel:
 
 
 def box_rig() -> CameraRig:
-    """Cameras around the origin, all at the same distance."""
-    K = np.array([[FOCAL_PX, 0.0, 319.5], [0.0, FOCAL_PX, 239.5], [0.0, 0.0, 1.0]])
+    return rig_around(zip(AZIMUTHS_DEG, ELEVATIONS_DEG, strict=True))
+
+
+def rig_around(
+    directions_deg: Iterable[tuple[float, float]], distance_m: float = DISTANCE_M, focal_px: float = FOCAL_PX,
+    middle: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> CameraRig:  # fmt: skip
+    """Cameras of 640x480, all at the same distance from where they look, by azimuth and elevation."""
+    K = np.array([[focal_px, 0.0, 319.5], [0.0, focal_px, 239.5], [0.0, 0.0, 1.0]])
     cameras = []
-    for i, (azimuth, elevation) in enumerate(np.radians(np.column_stack([AZIMUTHS_DEG, ELEVATIONS_DEG]))):
+    for i, (azimuth, elevation) in enumerate(np.radians(np.array(list(directions_deg)))):
         back = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
         right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         T = np.eye(4)
         T[:3, :3] = np.column_stack([right, np.cross(-back, right), -back])
-        T[:3, 3] = DISTANCE_M * back
+        T[:3, 3] = distance_m * back + middle
         cameras.append(Camera(f"cam{i + 1:02d}", CameraModel(640, 480, K), T))
     return CameraRig(tuple(cameras), lights=LIGHTS)
 
 
-def box_states(model: ArticulatedModel, n: int, seed: int = 7) -> list[State]:
-    """The box goes a fixed way and turns by a fixed angle from state to state, in directions that change slowly."""
+def box_states(
+    model: ArticulatedModel, n: int, seed: int | Sequence[int] = 7, step_m: float = STEP_M, step_rad: float = STEP_RAD,
+    on_table: bool = False,
+) -> list[State]:  # fmt: skip
+    """The box goes a fixed way and turns by a fixed angle from state to state, in directions that change slowly.
+
+    On a table it slides, with rests, ten states or so at first.
+    """
     rng = np.random.default_rng(seed)
-    position, rotation = np.zeros(3), so3.exp(rng.normal(size=3))
-    heading, axis = rng.normal(size=3), rng.normal(size=3)
+    rotation = so3.exp((0.0, 0.0, rng.uniform(-np.pi, np.pi)) if on_table else rng.normal(size=3))
+    position, heading, axis, goes = np.zeros(3), rng.normal(size=3), rng.normal(size=3), np.ones(n)
+    if on_table:
+        goes = np.clip(np.sin(0.13 * np.arange(n) - rng.uniform(1.0, 1.3)) * 1.5, 0.0, 1.0)
     states = []
-    for _ in range(n):
+    for go in goes:
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = rotation, position
         states.append(State.neutral(model, T))
         # A pull to the middle keeps it in view
         heading = heading / np.linalg.norm(heading) + 0.15 * rng.normal(size=3) - 0.3 * position / ROOM_M
         axis = axis / np.linalg.norm(axis) + 0.15 * rng.normal(size=3)
-        position = position + STEP_M * heading / np.linalg.norm(heading)
-        rotation = so3.exp(STEP_RAD * axis / np.linalg.norm(axis)) @ rotation
+        if on_table:
+            heading[2], axis[:2] = 0.0, 0.0
+        position = position + go * step_m * heading / np.linalg.norm(heading)
+        rotation = so3.exp(go * step_rad * axis / np.linalg.norm(axis)) @ rotation
     return states
 
 
-def image_sets(rig: CameraRig, model: ArticulatedModel, states: list[State]) -> Iterator[ImageSet]:
+def image_sets(rig: CameraRig, model: ArticulatedModel, states: list[State], seed: int = 3) -> Iterator[ImageSet]:
     """What the cameras see; drawn as they are asked for."""
-    backgrounds = [cluttered_background(camera, 3) for camera in rig]
+    backgrounds = [cluttered_background(camera, seed) for camera in rig]
     with TargetStudio(rig) as studio:
         for number, state in enumerate(states):
-            images = studio.images(Configuration(model, state), backgrounds)
-            for i, image in enumerate(images):
-                blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), BLUR_PX)
-                noise = np.random.default_rng([5, i, number]).standard_normal(image.shape, dtype=np.float32)
-                images[i] = np.clip(np.rint(blurred + NOISE_LEVELS * noise), 0, 255).astype(np.uint8)
-            yield image_set(rig, images, round(number * 1e9 / RATE_HZ))
+            yield sensed(rig, studio.images(Configuration(model, state), backgrounds), number)
 
 
-def displaced(state: State, seed: int = 1) -> State:
-    rng = np.random.default_rng(seed)
-    tangent = rng.normal(size=6)
-    tangent[:3] *= START_OFF_M / np.linalg.norm(tangent[:3])
-    tangent[3:] *= START_OFF_RAD / np.linalg.norm(tangent[3:])
+def sensed(rig: CameraRig, images: list[np.ndarray], number: int) -> ImageSet:
+    """The image set of drawn images, with the lens's blur and the sensor's noise."""
+    for i, image in enumerate(images):
+        blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), BLUR_PX)
+        noise = np.random.default_rng([5, i, number]).standard_normal(image.shape, dtype=np.float32)
+        images[i] = np.clip(np.rint(blurred + NOISE_LEVELS * noise), 0, 255).astype(np.uint8)
+    return image_set(rig, images, round(number * 1e9 / RATE_HZ))
+
+
+def displaced(
+    state: State, seed: int | Sequence[int] = 1, off_m: float = START_OFF_M, off_rad: float = START_OFF_RAD
+) -> State:  # fmt: skip
+    """The state with its root off by so much, in directions drawn by seed."""
+    root, tangent = np.random.default_rng(seed).normal(size=6), np.zeros(6 + state.joint_positions.size)
+    tangent[:3], tangent[3:6] = off_m * root[:3] / np.linalg.norm(root[:3]), off_rad * root[3:] / np.linalg.norm(root[3:])
     return state.retract(tangent)
 
 

@@ -23,14 +23,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmark.contour._runs import RATE_HZ, configured, image_set, print_circumstances
-from benchmark.contour.box import BLUR_PX, DISTANCE_M, FOCAL_PX, LIGHTS, NOISE_LEVELS
+from benchmark.contour._runs import configured, print_circumstances
+from benchmark.contour.box import box_states, displaced, rig_around, sensed
+from benchmark.world._arguments import add_pictures, parser_of, seeds_of, write_picture
 from benchmark.world._shapes import horned, knot
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.experiments.target_images import TargetStudio
-from tracker_node.geometry import so3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
@@ -47,7 +47,7 @@ RIGHT_M, RIGHT_RAD = 0.010, np.radians(3.0)
 FAR_M, FAR_RAD = 0.050, np.radians(15.0)
 START_OFF_M, START_OFF_RAD = 0.003, np.radians(1.0)
 SHADOW_BLUR_PX = 4.0
-ROOM_M = 0.10  # how far things go from where the cameras look
+FAST, SLOW = (0.008, np.radians(2.5)), (0.003, np.radians(1.0))  # meters and radians from image set to image set
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,53 +67,16 @@ class Scene:
             for number, state in enumerate(self.states):
                 behind = [self.shaded(b, camera, state) for b, camera in zip(self.backgrounds, self.rig, strict=True)]
                 images = studio.images(Configuration(drawn, State.neutral(drawn, state.T_world_root)), behind)
-                yield image_set(self.rig, [sensed(im, i, number) for i, im in enumerate(images)], round(number * 1e9 / RATE_HZ))
-
-
-def sensed(image: np.ndarray, camera: int, number: int) -> np.ndarray:
-    """An image with the lens's blur and the sensor's noise."""
-    blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), BLUR_PX)
-    noise = np.random.default_rng([5, camera, number]).standard_normal(image.shape, dtype=np.float32)
-    return np.clip(np.rint(blurred + NOISE_LEVELS * noise), 0, 255).astype(np.uint8)
+                yield sensed(self.rig, images, number)
 
 
 def rigid(shapes: tuple[Shape, ...], name: str) -> ArticulatedModel:
     return ArticulatedModel(name, KinematicChain(("thing",), ()), shapes)
 
 
-def rig_of(azimuths_deg: tuple[float, ...], elevation_deg: float = 30.0) -> CameraRig:
-    """Cameras that look at the origin from `DISTANCE_M`."""
-    K = np.array([[FOCAL_PX, 0.0, 319.5], [0.0, FOCAL_PX, 239.5], [0.0, 0.0, 1.0]])
-    cameras, elevation = [], np.radians(elevation_deg)
-    for i, azimuth in enumerate(np.radians(azimuths_deg)):
-        back = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
-        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = np.column_stack([right, np.cross(-back, right), -back]), DISTANCE_M * back
-        cameras.append(Camera(f"cam{i + 1:02d}", CameraModel(640, 480, K), T))
-    return CameraRig(tuple(cameras), lights=LIGHTS)
-
-
-def way(model: ArticulatedModel, seed: int, step_m: float, step_rad: float, flat: bool = False) -> list[State]:
-    """A way that stays near the origin; ``flat``: on a table, with rests, ten sets at first."""
-    rng = np.random.default_rng([seed, 11])
-    position, rotation = np.zeros(3), so3.exp((0.0, 0.0, rng.uniform(-np.pi, np.pi))) if flat else so3.exp(rng.normal(size=3))
-    heading, axis = rng.normal(size=3), rng.normal(size=3)
-    goes = np.ones(SETS)
-    if flat:
-        goes = np.clip(np.sin(0.13 * np.arange(SETS) - rng.uniform(1.0, 1.3)) * 1.5, 0.0, 1.0)
-    states = []
-    for go in goes:
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = rotation, position
-        states.append(State.neutral(model, T))
-        heading = heading / np.linalg.norm(heading) + 0.15 * rng.normal(size=3) - 0.3 * position / ROOM_M
-        axis = axis / np.linalg.norm(axis) + 0.15 * rng.normal(size=3)
-        if flat:
-            heading[2], axis[:2] = 0.0, 0.0
-        position = position + go * step_m * heading / np.linalg.norm(heading)
-        rotation = so3.exp(go * step_rad * axis / np.linalg.norm(axis)) @ rotation
-    return states
+def beside(elevation_deg: float = 35.0) -> CameraRig:
+    """Two cameras side by side, 20 cm apart."""
+    return rig_around([(-5.2, elevation_deg), (5.2, elevation_deg)])
 
 
 def drawn_box(seed: int) -> Box:
@@ -137,22 +100,22 @@ def moved(T_z: float) -> np.ndarray:
 
 def carried_board(seed: int) -> Scene:
     """A box on a patterned board that moves with it."""
-    box, rig = drawn_box(seed), rig_of((-5.2, 5.2), 35.0)
+    box, rig = drawn_box(seed), beside()
     pattern = cluttered_background(Camera("board", CameraModel(512, 400, np.eye(3) * 400.0), np.eye(4)), seed)[:, :, ::-1]
     board = Box((0.5, 0.4, 0.012), textures=(None, None, None, None, pattern, None))
     thing = rigid((Shape("box", "thing", box, color_rgb=drawn_color(seed)),), "box")
     under = Shape("board", "thing", board, moved(-0.5 * box.size[2] - 0.006), (150, 140, 120))
-    states = way(thing, seed, 0.003, np.radians(1.0), flat=True)
+    states = box_states(thing, SETS, [seed, 11], *SLOW, on_table=True)
     return Scene(rig, thing, (under,), states, [cluttered_background(camera, seed + 40) for camera in rig])
 
 
 def sliding_shadow(seed: int) -> Scene:
     """A box that slides over a plain table; its shadow, with a soft edge, goes with it."""
-    box, rig = drawn_box(seed), rig_of((-5.2, 5.2), 35.0)
+    box, rig = drawn_box(seed), beside()
     rng = np.random.default_rng([seed, 14])
     tone = rng.uniform(110.0, 200.0) * rng.uniform(0.9, 1.1, 3)
     thing = rigid((Shape("box", "thing", box, color_rgb=drawn_color(seed)),), "box")
-    states = way(thing, seed, 0.003, np.radians(1.0), flat=True)
+    states = box_states(thing, SETS, [seed, 11], *SLOW, on_table=True)
     grain = np.random.default_rng([seed, 15]).normal(0.0, 3.0, (2, 480, 640, 1))
     tables = [np.clip(tone[::-1] + 4.0 * cv2.GaussianBlur(g, (0, 0), 2.0)[..., None], 0, 255).astype(np.uint8) for g in grain]
     azimuth, slope, depth = rng.uniform(-np.pi, np.pi), rng.uniform(0.3, 1.0), rng.uniform(0.3, 0.6)
@@ -173,21 +136,21 @@ def sliding_shadow(seed: int) -> Scene:
 
 def cluttered_box(seed: int) -> Scene:
     """One camera; the box has the color of something that is behind it."""
-    box, rig = drawn_box(seed), rig_of((20.0 * seed,))
+    box, rig = drawn_box(seed), rig_around([(20.0 * seed, 30.0)])
     background = cluttered_background(rig.cameras[0], seed + 60)
     rng = np.random.default_rng([seed, 16])
     v, u = rng.integers(120, 360), rng.integers(160, 480)
     b, g, r = background[v - 6 : v + 6, u - 6 : u + 6].reshape(-1, 3).mean(axis=0) + 25.0
     color = (min(int(r), 255), min(int(g), 255), min(int(b), 255))
     thing = rigid((Shape("box", "thing", box, color_rgb=color),), "box")
-    return Scene(rig, thing, (), way(thing, seed, 0.008, np.radians(2.5)), [background])
+    return Scene(rig, thing, (), box_states(thing, SETS, [seed, 11], *FAST), [background])
 
 
 def hollow_mesh(seed: int, azimuths_deg: tuple[float, ...]) -> Scene:
     mesh = knot(seed) if seed % 2 else horned(seed)
     thing = rigid((Shape("mesh", "thing", mesh, color_rgb=drawn_color(seed)),), "mesh")
-    rig = rig_of(azimuths_deg)
-    return Scene(rig, thing, (), way(thing, seed, 0.008, np.radians(2.5)), [cluttered_background(c, seed + 80) for c in rig])
+    rig = rig_around([(azimuth, 30.0) for azimuth in azimuths_deg])
+    return Scene(rig, thing, (), box_states(thing, SETS, [seed, 11], *FAST), [cluttered_background(c, seed + 80) for c in rig])
 
 
 SCENES: dict[str, Callable[[int], Scene]] = {
@@ -200,12 +163,8 @@ SCENES: dict[str, Callable[[int], Scene]] = {
 assert BOX_FACES[4] == "+z"  # where the board has its pattern
 
 
-def displaced(state: State, seed: int) -> State:
-    rng = np.random.default_rng([seed, 17])
-    tangent = rng.normal(size=6)
-    tangent[:3] *= START_OFF_M / np.linalg.norm(tangent[:3])
-    tangent[3:] *= START_OFF_RAD / np.linalg.norm(tangent[3:])
-    return state.retract(tangent)
+def start_of(scene: Scene, seed: int) -> State:
+    return displaced(scene.states[0], [seed, 17], START_OFF_M, START_OFF_RAD)
 
 
 def judged(estimates: list[TrackEstimate], states: list[State]) -> dict[str, float | int]:
@@ -226,13 +185,12 @@ def judged(estimates: list[TrackEstimate], states: list[State]) -> dict[str, flo
 
 
 def tracked(scene: Scene, seed: int, config: TrackerConfig, show: Path | None = None) -> dict[str, float | int]:
-    tracker = Tracker(scene.rig, scene.thing, config, None, displaced(scene.states[0], seed))
+    tracker = Tracker(scene.rig, scene.thing, config, None, start_of(scene, seed))
     estimates = []
     for number, one in enumerate(scene.sets()):
         estimates.append(tracker.step(one))
         if show is not None and number in (0, SETS // 2):
-            show.parent.mkdir(parents=True, exist_ok=True)
-            cv2.imwrite(f"{show}_{number:03d}.png", np.hstack([image.pixels for image in one.images]))
+            write_picture(one, Path(f"{show}_{number:03d}.png"))
     return judged(estimates, scene.states)
 
 
@@ -245,7 +203,7 @@ def main(arguments: list[str] | None = None) -> int:
         config = configured(args.changes)
         for name in args.only or SCENES:
             runs = []
-            for seed in args.seeds or range(1, 2 if args.quick else 6):
+            for seed in seeds_of(args):
                 shown = args.pictures / f"{name}_{seed}" if args.pictures else None
                 runs.append(tracked(SCENES[name](seed), seed, config, shown))
                 print(f"{name}, seed {seed}: {runs[-1]}", file=sys.stderr, flush=True)
@@ -274,19 +232,8 @@ def summed(name: str, runs: list[dict[str, float | int]]) -> dict[str, float | i
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/world/things.py --only moved_room.carried --seeds 3",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--quick", action="store_true", help="one seed")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
-    parser.add_argument("--only", nargs="+", metavar="NAME", choices=SCENES, help=f"of {', '.join(SCENES)}")
-    parser.add_argument("--seeds", nargs="+", type=int, metavar="N", help="of the scenes (default: 1 to 5)")
-    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="write two image sets of each scene there")
-    parser.add_argument(
-        "--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1"
-    )
+    parser = parser_of(__doc__, "things.py --only moved_room.carried --seeds 3", SCENES)
+    add_pictures(parser)
     return parser.parse_args(arguments)
 
 

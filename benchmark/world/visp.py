@@ -5,7 +5,8 @@
 two cameras side by side. Clips of `box.py` and `things.py`, 90 image sets, five seeds; the start is a little off. ViSP's settings
 are those of its tutorial for a box (edges 10 px around, 300 points). Errors are medians of the sets that are right (10 mm,
 3 degrees); ``ratio_error`` and ``ratio_ms``: ours over the best of ViSP's three that has as many sets right as any, infinite
-where we have fewer. It needs a compiler and ViSP (on Debian ``libvisp-dev``).
+where we have fewer. ``--tutorial``: the real stereo teabox, beside ViSP's edges and points. It needs a compiler and ViSP (on
+Debian ``libvisp-dev``).
 """
 
 from __future__ import annotations
@@ -18,15 +19,21 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmark.contour._runs import configured, print_circumstances
-from benchmark.world.things import RIGHT_M, RIGHT_RAD, Scene, carried_board, displaced, drawn_box, drawn_color, rig_of, rigid, way
+from benchmark.contour._runs import configured, image_set, print_circumstances
+from benchmark.contour.box import box_rig, box_states
+from benchmark.world._arguments import parser_of, seeds_of
+from benchmark.world.things import FAST, RIGHT_M, RIGHT_RAD, SETS, Scene, carried_board, drawn_box, drawn_color, rigid, start_of
+from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
+from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.shapes.primitives import Box
@@ -39,6 +46,10 @@ from tracker_node.tracking.tracker import Tracker
 WAYS = {"visp_edges": 1, "visp_klt": 2, "visp_both": 3}
 SOURCE = Path(__file__).with_name("visp_track.cpp")
 LIBRARIES = ("visp_mbt", "visp_io", "visp_core", "visp_klt", "visp_me", "visp_vision")
+# The box of the tutorial, and where six of its corners (signs of x, y, z) are in the first image of the left camera
+TEABOX_M = (0.165, 0.068, 0.080)
+TEABOX_CORNERS = ((-1, 1, 1), (1, 1, 1), (1, -1, 1), (-1, -1, 1), (-1, -1, -1), (1, -1, -1))
+TEABOX_PX = ((251.3, 251.3), (501.3, 234.7), (523.3, 324.7), (246.7, 340.0), (266.7, 401.3), (512.0, 385.3))
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 CONFIG = """<?xml version="1.0"?>
 <conf>
@@ -63,8 +74,9 @@ class Poses:
 
 def plain_box(seed: int) -> Scene:
     """Three cameras around a box of one color, before clutter."""
-    thing, rig = rigid((Shape("box", "thing", drawn_box(seed), color_rgb=drawn_color(seed)),), "box"), rig_of((0.0, 115.0, 235.0))
-    return Scene(rig, thing, (), way(thing, seed, 0.008, np.radians(2.5)), [cluttered_background(c, seed + 80) for c in rig])
+    thing, rig = rigid((Shape("box", "thing", drawn_box(seed), color_rgb=drawn_color(seed)),), "box"), box_rig()
+    states = box_states(thing, SETS, [seed, 11], *FAST)
+    return Scene(rig, thing, (), states, [cluttered_background(camera, seed + 80) for camera in rig])
 
 
 def pictured_box(seed: int) -> Scene:
@@ -109,7 +121,7 @@ def by_visp(program: Path, folder: Path, way_number: int, scene: Scene, sets: Se
     result = folder / "poses.txt"
     np.savetxt(result, first.T_cam_world @ start.T_world_root)
     command = ["taskset", "-c", "0", program, folder / "box.cao", str(way_number), result, *arguments]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(command, check=True, capture_output=True)  # it says every point that it loses
     poses, times = [], []
     for line in result.read_text().splitlines():
         ms, *numbers = line.split()
@@ -128,12 +140,12 @@ def by_us(config: TrackerConfig, scene: Scene, sets: Sequence[ImageSet], start: 
     return Poses(poses, np.array(times))
 
 
-def judged(found: Poses, states: Sequence[State], model: Scene) -> tuple[np.ndarray, np.ndarray]:
+def judged(found: Poses, states: Sequence[State], scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """(sets,) errors in meters and radians; infinite where there is no pose."""
     off = np.full((len(states), 2), np.inf)
     for row, T, truth in zip(off, found.poses, states, strict=True):
         if T is not None and np.isfinite(T).all():
-            difference = State.neutral(model.thing, T).difference(truth)
+            difference = State.neutral(scene.thing, T).difference(truth)
             row[:] = np.linalg.norm(difference[:3]), np.linalg.norm(difference[3:6])
     return off[:, 0], off[:, 1]
 
@@ -146,8 +158,10 @@ def main(arguments: list[str] | None = None) -> int:
         config = configured(args.changes, threads=1)
         with tempfile.TemporaryDirectory() as place:
             program = built(Path(place))
-            for name in args.only or SCENES:
-                figures |= compared(name, args.seeds or range(1, 2 if args.quick else 6), program, Path(place), config)
+            if args.tutorial:
+                figures = recorded(args.tutorial, program, Path(place), config)
+            for name in () if args.tutorial else args.only or SCENES:
+                figures |= compared(name, seeds_of(args), program, Path(place), config)
     except (OSError, subprocess.CalledProcessError) as error:
         wanted = "ViSP's tracker cannot be built or run (on Debian: apt install g++ libvisp-dev)"
         print(f"visp: error: {wanted}: {error}", file=sys.stderr)
@@ -160,13 +174,44 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
+def recorded(tutorial: Path, program: Path, folder: Path, config: TrackerConfig) -> dict[str, float | int]:
+    """A real box that is carried on a table, beside ViSP's edges and points: nobody knows the truth any better."""
+    first_lens, second_lens = (_lens(tutorial / f"teabox_{side}.xml") for side in ("left", "right"))
+    T_right_left = np.loadtxt(tutorial / "cRightMcLeft.txt")
+    cameras = Camera("left", first_lens, np.eye(4)), Camera("right", second_lens, se3.inverse(T_right_left))
+    rig, thing = CameraRig(cameras), rigid((Shape("box", "thing", Box(TEABOX_M)),), "teabox")
+    videos = [cv2.VideoCapture(str(tutorial / f"teabox_{camera.name}.mp4")) for camera in rig]
+    sets: list[ImageSet] = []
+    while True:
+        shown = [video.read() for video in videos]
+        if not all(there for there, _ in shown):
+            break
+        sets.append(image_set(rig, [image for _, image in shown], len(sets) * 40_000_000))
+    corners = 0.5 * np.array(TEABOX_M) * np.array(TEABOX_CORNERS)
+    _, turn, move = cv2.solvePnP(corners, np.array(TEABOX_PX), first_lens.K, None)
+    start = State.neutral(thing, se3.from_rotation_translation(so3.exp(turn.ravel()), move.ravel()))
+    scene = Scene(rig, thing, (), [], [])
+    truth = [State.neutral(thing, T) for T in by_visp(program, folder, WAYS["visp_both"], scene, sets, start).poses]
+    position, angle = judged(by_us(config, scene, sets, truth[0]), truth, scene)
+    right = (position <= RIGHT_M) & (angle <= RIGHT_RAD)
+    return {
+        "visp.tutorial.ours.right": float(right.mean()), "visp.tutorial.ours.apart_mm": 1e3 * float(np.median(position)),
+        "visp.tutorial.ours.apart_deg": float(np.degrees(np.median(angle))), "visp.tutorial.sets": len(sets),
+    }  # fmt: skip
+
+
+def _lens(config: Path) -> CameraModel:
+    fx, fy, cx, cy = (float(ElementTree.parse(config).findtext(f"camera/{name}", "")) for name in ("px", "py", "u0", "v0"))
+    return CameraModel(640, 480, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]))
+
+
 def compared(name: str, seeds: Sequence[int], program: Path, folder: Path, config: TrackerConfig) -> dict[str, float | int]:
     """Fractions of the sets that are right, median errors and times of all four trackers on one kind of clip, and ratios."""
     errors: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {who: [] for who in ("ours", *WAYS)}
     times: dict[str, list[np.ndarray]] = {who: [] for who in errors}
     for seed in seeds:
         scene = SCENES[name](seed)
-        sets, start = list(scene.sets()), displaced(scene.states[0], seed)
+        sets, start = list(scene.sets()), start_of(scene, seed)
         for who in errors:
             if who == "ours":
                 found = by_us(config, scene, sets, start)
@@ -197,18 +242,9 @@ def compared(name: str, seeds: Sequence[int], program: Path, folder: Path, confi
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/world/visp.py --only box --seeds 3",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--quick", action="store_true", help="one seed")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
-    parser.add_argument("--only", nargs="+", metavar="NAME", choices=SCENES, help=f"of {', '.join(SCENES)}")
-    parser.add_argument("--seeds", nargs="+", type=int, metavar="N", help="of the clips (default: 1 to 5)")
-    parser.add_argument(
-        "--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1"
-    )
+    parser = parser_of(__doc__, "visp.py --only box --seeds 3", SCENES)
+    what = "only the real teabox: the folder tutorial/tracking/model-based/generic-stereo of ViSP's source"
+    parser.add_argument("--tutorial", type=Path, metavar="FOLDER", help=what)
     return parser.parse_args(arguments)
 
 

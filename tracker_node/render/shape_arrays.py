@@ -147,7 +147,7 @@ class ShapeArrays:
         One row per shape.
         """
         n = len(model.shapes)
-        kinds, dims, bounds = np.full(n, OTHER, dtype=np.int64), np.zeros((n, 5)), np.zeros((n, 4))
+        kinds, dims = np.full(n, OTHER, dtype=np.int64), np.zeros((n, 5))
         for i, shape in enumerate(model.shapes):
             primitive = shape.primitive
             if isinstance(primitive, TruncatedCone):
@@ -156,8 +156,8 @@ class ShapeArrays:
             elif isinstance(primitive, Ellipsoid):
                 kinds[i] = ELLIPSOID
                 dims[i, :3] = primitive.radii
-            bounds[i] = bounding_sphere(primitive)
-        return cls(kinds, dims, model.shape_links, bounds, _surfaces([shape.primitive for shape in model.shapes], caps))
+        surfaces = _surfaces([shape.primitive for shape in model.shapes], caps)
+        return cls(kinds, dims, model.shape_links, bounding_spheres(model), surfaces)
 
 
 def _surfaces(primitives: list[Primitive], caps: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -180,6 +180,11 @@ def _surfaces(primitives: list[Primitive], caps: bool) -> tuple[np.ndarray, np.n
         triangles.append(solid.triangles)
         n_edges, n_nodes, n_triangles = n_edges + len(solid.edges), n_nodes + len(tree), n_triangles + len(solid.triangles)
     return ranges, np.vstack(edges), np.vstack(nodes), np.vstack(triangles)
+
+
+def bounding_spheres(model: ArticulatedModel) -> np.ndarray:
+    """(n_shapes, 4) those of all shapes of a model."""
+    return np.array([bounding_sphere(shape.primitive) for shape in model.shapes]).reshape(-1, 4)
 
 
 def bounding_sphere(primitive: Primitive) -> np.ndarray:

@@ -204,8 +204,8 @@ class MotionConfig:
     """
 
     base: str = parameter(
-        "free", "fixed: the root stays where it is on the first image set, which is found ever better, as an arm's does",
-        choices=("free", "fixed"), of=GEOMETRIC,
+        "free", "fixed: the root does not move, and its place is estimated ever better, as of an arm on a table; its noise and"
+        " time constants then do not count", choices=("free", "fixed"), of=GEOMETRIC,
     )  # fmt: skip
     root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
     root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6, of=GEOMETRIC)

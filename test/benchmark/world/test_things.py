@@ -60,10 +60,10 @@ def test_sets_are_counted_that_are_right_wrong_and_far_and_what_is_said():
     assert np.isinf(position[0]) and np.isinf(angle[0]) and position[1:].max() < 1e-9
 
 
-def test_figures_of_an_arm_leave_out_the_first_sets():
+def test_figures_of_an_arm_are_of_all_sets():
     n = robots.SETS
-    run = {"joints_deg": np.full((n, 7), 1.0), "hand_mm": np.full(n, 2.0), "lost": np.zeros(n, bool), "said": np.zeros(n, bool)}
-    run["joints_deg"][: robots.SETTLED], run["hand_mm"][: robots.SETTLED], run["lost"][1] = 50.0, 500.0, True
+    run = {"joints_deg": np.full((n, 7), 1.0), "tcp_mm": np.full(n, 2.0), "lost": np.zeros(n, bool), "said": np.zeros(n, bool)}
+    run["joints_deg"][:6], run["tcp_mm"][:6], run["lost"][1] = 50.0, 500.0, True
     found = robots.figures([run], np.full(10, 7.0))
-    assert (found["panda.joint_deg"], found["panda.joint_p95_deg"], found["panda.tcp_mm"]) == (1.0, 1.0, 2.0)
+    assert (found["panda.joint_deg"], found["panda.joint_p95_deg"], found["panda.tcp_mm"]) == (1.0, 50.0, 2.0)
     assert (found["panda.lost_sets"], found["panda.sets"], found["panda.set_ms"]) == (1, n, 7.0)

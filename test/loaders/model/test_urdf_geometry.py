@@ -17,9 +17,12 @@ COLLADA = """<?xml version="1.0"?>
 <source id="places"><float_array id="numbers" count="12">0 0 0 100 0 0 0 200 0 0 0 300</float_array><technique_common>
 <accessor source="#numbers" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
 <param name="Z" type="float"/></accessor></technique_common></source>
+<source id="ways"><float_array id="more" count="12">0 0 -1 1 0 0 0 1 0 0 0 1</float_array><technique_common>
+<accessor source="#more" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
 <vertices id="corners"><input semantic="POSITION" source="#places"/></vertices>
-<triangles count="4" material="m">
-<input semantic="VERTEX" source="#corners" offset="0"/><p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles>
+<triangles count="4" material="m"><input semantic="VERTEX" source="#corners" offset="0"/>
+<input semantic="NORMAL" source="#ways" offset="0"/><p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles>
 </mesh></geometry></library_geometries>
 <library_visual_scenes><visual_scene id="all"><node><instance_geometry url="#tip"><bind_material><technique_common>
 <instance_material symbol="m" target="#red"/></technique_common></bind_material></instance_geometry></node></visual_scene>
@@ -120,4 +123,6 @@ def test_collada_in_its_unit_and_as_robots_use_it_whatever_is_up(tmp_path, unit,
     found = shapes(tmp_path, visual('<mesh filename="tip.dae"/>'))[0].primitive
     corners = scale * np.array([[0.0, 0, 0], [100, 0, 0], [0, 200, 0], [0, 0, 300]])
     assert np.unique(found.vertices, axis=0) == pytest.approx(np.unique(corners, axis=0))
+    tip = np.argmax(found.vertices[:, 2])
+    assert found.normals is not None and found.normals[tip] == pytest.approx([0.0, 0.0, 1.0])
     assert found.vertex_colors_rgb is not None and found.vertex_colors_rgb[0].tolist() == [255, 0, 0]

@@ -62,7 +62,7 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
 
     Parameters
     ----------
-    file, scale : mesh; factor to meters (0.001 for a file in millimeters).
+    file, scale : mesh; factor to meters (0.001 for a file in millimeters; COLLADA tells its own unit).
     referrer, field : file and field that ask for it, for messages.
     texture : (h, w, 3) uint8 RGB to put in the place of the file's own; the file must have texture coordinates.
 
@@ -85,8 +85,8 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
     try:
         # process=False keeps the vertices as they are
         scene: Any = trimesh.load_scene(file, process=False)
-        if file.suffix.lower() == ".dae" and scene.units is not None:  # what is up in it does not count for robots
-            scene = scene.convert_units("meters")
+        if file.suffix.lower() == ".dae":  # tells its unit; what is up in it does not count for robots
+            scale *= trimesh.units.unit_conversion(scene.units, "meters")
         loaded: Any = scene.to_mesh()
     except Exception as error:  # trimesh's readers raise whatever their parsers do
         raise FileFormatError(referrer, field, "a readable mesh", f"{file}: {error}") from None

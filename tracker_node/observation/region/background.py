@@ -44,7 +44,7 @@ class RegionBackground:
     ----------
     backgrounds : BGR images of the empty scene; there may be none.
     sigma : least standard deviation of a pixel, gray levels.
-    rate : weight of the newest image; 0: once known, the background stays.
+    rate : weight of the newest image; 0: what is known is not followed.
     margin_px : width around the body that is not learned.
 
     Attributes
@@ -106,8 +106,8 @@ class RegionBackground:
         assert scene is not None
         if not self.packed[0].size:
             self.packed = np.zeros(scene.known.shape, dtype=np.uint32), float(scene.floor)
-        counts = self._proofs if self._moves else scene.known
-        _pack(scene.mean, scene.variance, counts, region, np.float32(1.0 / scene.floor), self.packed[0])
+        trusted = self._proofs if self._moves else scene.known
+        _pack(scene.mean, scene.variance, trusted, region, np.float32(1.0 / scene.floor), self.packed[0])
 
 
 class _Way:
@@ -146,17 +146,17 @@ def _learn(bgr, region, around, near, mean, variance, known, proofs, kept, kept_
         for u in range(u0, u1):
             if near[v - v0, u - u0] != 0:
                 continue
-            counts = around[0] <= u < around[2] and around[1] <= v < around[3]
+            is_near = around[0] <= u < around[2] and around[1] <= v < around[3]
             b, g, r = np.float32(bgr[v, u, 0]), np.float32(bgr[v, u, 1]), np.float32(bgr[v, u, 2])
             db, dg, dr = b - mean[v, u, 0], g - mean[v, u, 1], r - mean[v, u, 2]
             off, given, first = db * db + dg * dg + dr * dr, proofs[v, u] == _GIVEN, known[v, u] != _SEEN
             as_before = off <= _FAR * variance[v, u]
             if not (given or first or as_before):
                 proofs[v, u] = 0
-                n_changed += moves and counts
+                n_changed += moves and is_near  # else it may be an arm that is elsewhere: it is asked once the body has gone
             if first or (moves and not given and not as_before):
                 mean[v, u, 0], mean[v, u, 1], mean[v, u, 2] = b, g, r
-                variance[v, u], known[v, u], kept_at[v, u] = floor if not follow else _FIRST * floor, _SEEN, way
+                variance[v, u], known[v, u], kept_at[v, u] = _FIRST * floor if follow else floor, _SEEN, way
                 kept[v, u, 0], kept[v, u, 1], kept[v, u, 2] = bgr[v, u, 0], bgr[v, u, 1], bgr[v, u, 2]
                 continue
             if as_before and follow:  # else something passes by
@@ -168,14 +168,14 @@ def _learn(bgr, region, around, near, mean, variance, known, proofs, kept, kept_
                 db, dg, dr = b - np.float32(kept[v, u, 0]), g - np.float32(kept[v, u, 1]), r - np.float32(kept[v, u, 2])
                 same = db * db + dg * dg + dr * dr <= _SAME * max(variance[v, u], _FIRST * floor)
                 proofs[v, u], kept_at[v, u] = _PROVEN if same else 0, way
-                n_stayed += same and counts
-                n_changed += counts and not same
+                n_stayed += same and is_near
+                n_changed += is_near and not same
                 kept[v, u, 0], kept[v, u, 1], kept[v, u, 2] = bgr[v, u, 0], bgr[v, u, 1], bgr[v, u, 2]
     return n_stayed, n_changed
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _pack(mean, variance, counts, region, per_least, pixels):
+def _pack(mean, variance, trusted, region, per_least, pixels):
     u0, v0, u1, v1 = region
     codes, per_step = np.zeros(u1 - u0, dtype=np.uint32), np.float32(1.0 / LOG_STEP)
     for i in range(v0, v1):
@@ -185,4 +185,4 @@ def _pack(mean, variance, counts, region, per_least, pixels):
         for j in range(np.uint64(u0), np.uint64(u1)):
             b, g, r = mean[i, j, 0] + _HALF, mean[i, j, 1] + _HALF, mean[i, j, 2] + _HALF
             color = np.uint32(b) | (np.uint32(g) << _8) | (np.uint32(r) << _16)
-            pixels[i, j] = color | (codes[j - np.uint64(u0)] << _24) if counts[i, j] != 0 else np.uint32(0)
+            pixels[i, j] = color | (codes[j - np.uint64(u0)] << _24) if trusted[i, j] != 0 else np.uint32(0)

@@ -14,7 +14,8 @@ import numpy as np
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
-from ...render.shape_arrays import bounding_sphere
+from ...render.contour.generators import world_spheres
+from ...render.shape_arrays import bounding_spheres
 
 _LEAST_SIZE = 0.1  # of the whole body, that a limb has
 
@@ -62,7 +63,7 @@ def joint_groups(chain: KinematicChain) -> list[np.ndarray]:
 def _branches(model: ArticulatedModel) -> list[list[int]]:
     """Indices of the links of each branch with degrees of freedom of its own, in the order of their ends."""
     chain, stretches = model.chain, _stretches(model.chain)
-    small = {i for i, s in enumerate(stretches) if s.is_end and _is_small(model, s.jointed)}
+    small = _small(model, stretches)
     ends = [(s.bodies[-1], s.jointed) for i, s in enumerate(stretches) if s.is_end and s.jointed and i not in small]
     for i, stretch in enumerate(stretches):
         on_it = [k for k, other in enumerate(stretches) if k > i and chain.parents[other.bodies[0]] in stretch.links]
@@ -71,20 +72,22 @@ def _branches(model: ArticulatedModel) -> list[list[int]]:
     return [links for _, links in sorted(ends)]
 
 
-def _is_small(model: ArticulatedModel, links: list[int]) -> bool:
-    """Whether the shapes of some links are, together, less than a tenth as large as those of the whole body."""
-    own = np.isin(model.shape_links, links)
-    if not own.any() or own.all():
-        return False
-    Ts = Configuration(model, State.neutral(model)).Ts_world_shape
-    spheres = np.array([bounding_sphere(shape.primitive) for shape in model.shapes])
-    middles = np.einsum("nij,nj->ni", Ts[:, :3, :3], spheres[:, :3]) + Ts[:, :3, 3]
+def _small(model: ArticulatedModel, stretches: list[_Stretch]) -> set[int]:
+    """Indices of the ends whose shapes are, together, less than a tenth as large as those of the whole neutral body."""
+    bounds = bounding_spheres(model)
+    spheres = np.empty_like(bounds)
+    world_spheres(Configuration(model, State.neutral(model)).Ts_world_shape, bounds, spheres)
 
     def size(some: np.ndarray) -> float:
-        low, high = middles[some] - spheres[some, 3:], middles[some] + spheres[some, 3:]
+        low, high = spheres[some, :3] - spheres[some, 3:], spheres[some, :3] + spheres[some, 3:]
         return float((high.max(axis=0) - low.min(axis=0)).max())
 
-    return size(own) < _LEAST_SIZE * size(np.ones_like(own))
+    found = set()
+    for i, stretch in enumerate(stretches):
+        own = np.isin(model.shape_links, stretch.jointed)
+        if stretch.is_end and own.any() and size(own) < _LEAST_SIZE * size(np.ones_like(own)):
+            found.add(i)
+    return found
 
 
 @dataclass(frozen=True)

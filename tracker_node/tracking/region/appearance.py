@@ -16,8 +16,9 @@ from ...observation.chamfer.observer import checked_backgrounds
 from ...observation.region.background import RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ...observation.region.silhouette import odds_table, packed
+from ...render.contour.generators import world_spheres
 from ...render.occluders import Occluders
-from ...render.shape_arrays import bounding_sphere
+from ...render.shape_arrays import bounding_spheres
 from ..config import BackgroundConfig, KeypointConfig, RegionConfig
 from ..modality import Images, Persons
 
@@ -54,7 +55,7 @@ class RegionAppearance:
         self._rig, self._model, self._config, self._background = rig, model, config, background
         self._parallel, self._occluders, self._images = parallel, occluders, dict(backgrounds)
         self.classes = color_classes(model)
-        self._bounds = np.array([bounding_sphere(shape.primitive) for shape in model.shapes])
+        self._bounds = bounding_spheres(model)
         self._stated = stated_densities(model, self.classes)
         self.reset()
 
@@ -135,11 +136,11 @@ class RegionAppearance:
 
     def _places(self, i: int, body: Configuration) -> np.ndarray:
         """(4 n_shapes, 2) pixels of the middle of every shape, and of points on its axes; not a number behind the camera."""
-        camera, Ts = self._rig.cameras[i], body.Ts_world_shape
-        middles = np.einsum("nij,nj->ni", Ts[:, :3, :3], self._bounds[:, :3]) + Ts[:, :3, 3]
-        spokes = self._bounds[:, 3, None, None] * np.swapaxes(Ts[:, :3, :3], 1, 2)
-        points = np.concatenate([middles[:, None], middles[:, None] + spokes], axis=1).reshape(-1, 3)
-        pixels, ahead = camera.project(points)
+        Ts, spheres = body.Ts_world_shape, np.empty_like(self._bounds)
+        world_spheres(Ts, self._bounds, spheres)
+        middles = spheres[:, None, :3]
+        spokes = spheres[:, 3, None, None] * np.swapaxes(Ts[:, :3, :3], 1, 2)
+        pixels, ahead = self._rig.cameras[i].project(np.concatenate([middles, middles + spokes], axis=1).reshape(-1, 3))
         return np.where(ahead[:, None], pixels, np.nan)
 
     def trust_stated(self) -> None:

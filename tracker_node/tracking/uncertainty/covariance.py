@@ -23,7 +23,7 @@ import numpy as np
 from ...geometry import so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...render.shape_arrays import bounding_sphere
+from ...render.shape_arrays import bounding_spheres
 
 # Times second-order terms: on training clips, squared errors across them are then 1.1 times what is said, 1.3 without it
 BEYOND_SECOND_ORDER = 2.0
@@ -184,7 +184,7 @@ def levers(model: ArticulatedModel) -> np.ndarray:
     v, w = neutral.twists[:, None, :3], neutral.twists[:, None, 3:]
     centers = neutral.Ts_world_shape[:, :3, 3]
     speeds = np.linalg.norm(v + np.cross(w, centers[None]), axis=2)
-    spheres = np.array([bounding_sphere(shape.primitive) for shape in model.shapes]).reshape(-1, 4)
+    spheres = bounding_spheres(model)
     sizes = np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]
     speeds = speeds + np.linalg.norm(w, axis=2) * sizes
     speeds *= model.chain.link_moved_by[model.shape_links].T
