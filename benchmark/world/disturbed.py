@@ -2,10 +2,13 @@
 """What becomes of a perfect track when light or a camera changes: a figure of cones, a rigid box, a clothed person.
 
 ``light_step``: from a set on all cameras are darker, x0.6. ``flicker``: in every set all are brighter or darker by up to half.
-``one_dark``: one camera is, x0.5. ``frozen``: one camera repeats its image for ten sets. ``calm``: nothing happens. Each begins
+``one_dark``: one camera is, x0.5. ``calm``: nothing happens. Of one camera: ``frozen``, it repeats its image for ten sets;
+``bumped``, it is turned by half a degree; ``defocused``, blurred by a hundredth of its width; ``covered``, a hand is before the
+lens; ``noisy``, a third of its pixels show anything; ``upside_down``, ever since the tracker was started. Each else begins
 when the body has been followed for twenty sets; seeds say at which part of the clip, and which camera. No backgrounds, contours
 alone, from the true pose. A set is lost that is called LOST, or has a joint more than 200 mm off (the box: its middle more than
-20 mm); one is turned whose heading is more than 90 degrees off.
+20 mm); one is turned whose heading is more than 90 degrees off; ``named``: sets until the camera is named, ``others``: cameras
+that are named and should not be.
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ from benchmark.clothed._recording import JOINTS, default_folders, load_clip
 from benchmark.contour._runs import add_common_arguments, configured, print_circumstances, recorded
 from benchmark.contour.box import box_model, box_rig, box_states, image_sets
 from benchmark.contour.figure import FIGURE_SCENE, true_states
-from tracker_node.camera.rig import CameraRig
+from benchmark.contour.self_check import turn_of_pixels
+from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
@@ -33,13 +37,18 @@ from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import FIGURE_IMAGES, Request
 from tracker_node.tracking.config import TrackerConfig
-from tracker_node.tracking.estimate import FROZEN, Status, TrackEstimate
+from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
-BEFORE, DISTURBED = 20, 20  # image sets
+BEFORE, DISTURBED, BUMPED = 20, 20, 60  # image sets
 FROZEN_SETS = 10
 DRAWN = Path("out/clothed")
 LOST_JOINT_MM, LOST_BOX_MM, TURNED_COS = 200.0, 20.0, 0.0
+
+
+BUMPED_DEG, HAND_SHARE, RAIN_SHARE, SENSOR_NOISE = 0.5, 0.8, 0.3, 3.0
+TROUBLES = ("frozen", "bumped", "defocused", "covered", "noisy", "upside_down")
+"""What happens to one camera, which is to be named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,36 +78,85 @@ Change = Callable[[int, int, CameraImage], CameraImage]
 """The image as it becomes, of sets since the change began, the number of the camera, and the image."""
 
 
+def handed(image: CameraImage, k: int, rng_seed: int) -> CameraImage:
+    """A hand before the lens: out of focus, the color of skin, over most of the image, never quite still."""
+    pixels = image.pixels.copy()
+    height, width = pixels.shape[:2]
+    rng = np.random.default_rng(rng_seed)
+    side, tone = rng.uniform(-0.1, 0.1, 2), np.array([120.0, 150.0, 200.0]) * rng.uniform(0.5, 1.0)
+    wobble = 0.02 * np.array([np.sin(0.9 * k), np.cos(0.7 * k)])
+    center = ((0.5 + side[0] + wobble[0]) * width, (0.5 + side[1] + wobble[1]) * height)
+    mask = np.zeros((height, width), dtype=np.float32)
+    cv2.ellipse(mask, (center, (HAND_SHARE * width, 1.2 * HAND_SHARE * height), 20.0), 1.0, -1)
+    mask = cv2.GaussianBlur(mask, (0, 0), width / 40.0)[..., None]
+    return replace(image, pixels=np.rint(mask * tone + (1.0 - mask) * pixels).astype(np.uint8))
+
+
+def noisy(image: CameraImage, k: int, seed: int) -> CameraImage:
+    """A rain of noise: a third of the pixels show any color."""
+    rng = np.random.default_rng((seed, k))
+    shape = image.pixels.shape
+    rain = rng.integers(0, 256, shape, dtype=np.uint8)
+    return replace(image, pixels=np.where(rng.random(shape[:2])[..., None] < RAIN_SHARE, rain, image.pixels))
+
+
+def defocused(image: CameraImage, k: int, seed: int) -> CameraImage:
+    """Out of focus; the sensor's noise is as sharp as ever."""
+    blurred = cv2.GaussianBlur(image.pixels, (0, 0), image.pixels.shape[1] / 100.0)
+    noise = np.random.default_rng((seed, k)).normal(0.0, SENSOR_NOISE, blurred.shape)
+    return replace(image, pixels=np.clip(np.rint(blurred + noise), 0, 255).astype(np.uint8))
+
+
+def bumped(image: CameraImage, camera: Camera, axis: np.ndarray) -> CameraImage:
+    source = turn_of_pixels(camera, np.radians(BUMPED_DEG) * axis)
+    return replace(image, pixels=cv2.remap(image.pixels, *source, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def troubled(scene: Scene, seed: int) -> int:
+    """The camera that something happens to, where it happens to one."""
+    return int(np.random.default_rng(seed).integers(len(scene.rig)))
+
+
 def changes(scene: Scene, seed: int) -> dict[str, Change]:
     """What is done to the images, by name."""
     rng = np.random.default_rng(seed)
     camera, flicker = int(rng.integers(len(scene.rig))), rng.uniform(0.5, 1.5, DISTURBED)
     stuck = scene.sets[BEFORE].images[camera].pixels
+    axis = rng.choice([-1.0, 1.0]) * np.eye(3)[int(rng.integers(2))]
+
+    def one(change: Callable[[int, CameraImage], CameraImage]) -> Change:
+        return lambda k, i, image: change(k, image) if i == camera else image
+
     return {
+        "bumped": one(lambda k, image: bumped(image, scene.rig.cameras[camera], axis)),
+        "defocused": one(lambda k, image: defocused(image, k, seed)),
+        "covered": one(lambda k, image: handed(image, k, seed)),
+        "noisy": one(lambda k, image: noisy(image, k, seed)),
+        "upside_down": one(lambda k, image: replace(image, pixels=np.ascontiguousarray(image.pixels[::-1, ::-1]))),
         "calm": lambda k, i, image: image,
         "light_step": lambda k, i, image: lit(image, 0.6),
         "flicker": lambda k, i, image: lit(image, float(flicker[k])),
-        "one_dark": lambda k, i, image: lit(image, 0.5) if i == camera else image,
-        "frozen": lambda k, i, image: replace(image, pixels=stuck) if i == camera and 0 < k <= FROZEN_SETS else image,
+        "one_dark": one(lambda k, image: lit(image, 0.5)),
+        "frozen": one(lambda k, image: replace(image, pixels=stuck) if 0 < k <= FROZEN_SETS else image),
     }
 
 
-def disturbed(scene: Scene, change: Change) -> Iterator[ImageSet]:
-    """The sets of a scene, which change after the first ones."""
-    yield from scene.sets[:BEFORE]
-    for k, one in enumerate(scene.sets[BEFORE:]):
+def disturbed(scene: Scene, change: Change, since: int = BEFORE, n_sets: int = DISTURBED) -> Iterator[ImageSet]:
+    """The sets of a scene, which change from one on."""
+    yield from scene.sets[:since]
+    for k, one in enumerate(scene.sets[since : BEFORE + n_sets]):
         yield replace(one, images=tuple(change(k, i, image) for i, image in enumerate(one.images)))
 
 
-DISTURBANCES = ("calm", "light_step", "flicker", "one_dark", "frozen")
+DISTURBANCES = ("calm", "light_step", "flicker", "one_dark", *TROUBLES)
 
 
 def figure_scene(cache: Path, seed: int) -> Scene:
     clip = recorded("figure", Request(subject="figure", n_images=FIGURE_IMAGES, scene=FIGURE_SCENE), cache)
     states, n = true_states(clip), BEFORE + DISTURBED
     first = int(np.random.default_rng(seed).integers(len(states) - n))
-    sets = [one for k, one in enumerate(clip.sets(limit=first + n)) if k >= first]
-    states = states[first : first + n]
+    last = min(len(states), first + BEFORE + BUMPED)
+    sets, states = [one for k, one in enumerate(clip.sets(limit=last)) if k >= first], states[first:last]
 
     def places(state: State) -> np.ndarray:
         return Configuration(clip.model, state).landmarks_world
@@ -109,7 +167,7 @@ def figure_scene(cache: Path, seed: int) -> Scene:
 
 def box_scene(cache: Path, seed: int) -> Scene:
     model, rig = box_model(), box_rig()
-    states = box_states(model, BEFORE + DISTURBED, seed)
+    states = box_states(model, BEFORE + BUMPED, seed)
     truth, headings = np.array([s.T_world_root[None, :3, 3] for s in states]), np.array([s.T_world_root[:3, :3] for s in states])
     sets = list(image_sets(rig, model, states))
     return Scene("box", rig, model, states[0], sets, truth, headings, lambda s: s.T_world_root[None, :3, 3], LOST_BOX_MM)
@@ -119,26 +177,28 @@ def clothed_scene(folder: Path, seed: int) -> Scene:
     clip = load_clip(folder)
     n = BEFORE + DISTURBED
     first = int(np.random.default_rng(seed).integers(len(clip) - n))
+    last = min(len(clip), first + BEFORE + BUMPED)
     rows = [clip.model.landmark_index(joint) for joint in JOINTS]
     return Scene(
-        clip.name, clip.rig, clip.model, clip.start(first), [clip.image_set(row) for row in range(first, first + n)],
-        clip.truth_m[first : first + n], None, lambda s: Configuration(clip.model, s).landmarks_world[rows], LOST_JOINT_MM,
+        clip.name, clip.rig, clip.model, clip.start(first), [clip.image_set(row) for row in range(first, last)],
+        clip.truth_m[first:last], None, lambda s: Configuration(clip.model, s).landmarks_world[rows], LOST_JOINT_MM,
     )  # fmt: skip
 
 
-def judged(scene: Scene, run: list[TrackEstimate]) -> dict[str, float]:
-    """Lost and turned sets, and the largest mean error, of those from the change on."""
-    changed = range(BEFORE, len(run))
+def judged(scene: Scene, run: list[TrackEstimate], camera: str, since: int = BEFORE) -> dict[str, float]:
+    """Lost and turned sets, and the largest mean error, of those from the change on; when ``camera`` was named, and others."""
+    changed = range(since, len(run))
     off = [1e3 * np.linalg.norm(scene.places(run[k].state) - scene.truth_m[k], axis=1) for k in changed]
     lost = [run[k].status is Status.LOST or errors.max() > scene.lost_mm for k, errors in zip(changed, off, strict=True)]
     said = [run[k].status is Status.LOST for k in changed]
     turned = 0
     if scene.headings is not None:
         turned = sum(float(run[k].state.T_world_root[:3, 0] @ scene.headings[k][:, 0]) < TURNED_COS for k in changed)
-    named_in = [k - BEFORE for k in changed if any(fault.kind == FROZEN for fault in run[k].faults)]
+    named_in = [k - since for k in changed if camera in {fault.camera for fault in run[k].faults}]
+    others = {fault.camera for k in changed for fault in run[k].faults} - {camera}
     worst = max(errors.mean() for errors in off)
     return {"lost": sum(lost), "unsaid": sum(a and not b for a, b in zip(lost, said, strict=True)), "turned": turned,
-            "worst_mm": float(worst), "named": float(named_in[0]) if named_in else np.inf}  # fmt: skip
+            "worst_mm": float(worst), "named": float(named_in[0]) if named_in else np.inf, "others": len(others)}  # fmt: skip
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -166,7 +226,9 @@ def main(arguments: list[str] | None = None) -> int:
 def measured(scene: Scene, name: str, seed: int, config: TrackerConfig) -> dict[str, float]:
     """What becomes of one scene by one change."""
     tracker = Tracker(scene.rig, scene.model, config, None, scene.start)
-    return judged(scene, [tracker.step(one) for one in disturbed(scene, changes(scene, seed)[name])])
+    since = 0 if name == "upside_down" else BEFORE  # the tracker is restarted, and knows nothing else
+    sets = disturbed(scene, changes(scene, seed)[name], since, BUMPED if name == "bumped" else DISTURBED)
+    return judged(scene, [tracker.step(one) for one in sets], scene.rig.names[troubled(scene, seed)], since)
 
 
 def add(figures: dict[str, float | int], scene: Scene, name: str, found: dict[str, float], seed: int) -> None:
@@ -176,7 +238,8 @@ def add(figures: dict[str, float | int], scene: Scene, name: str, found: dict[st
         for key, counted in (("lost", "lost_sets"), ("unsaid", "unsaid_sets"), ("turned", "turned")):
             figures[f"{owner}.{counted}"] = figures.get(f"{owner}.{counted}", 0) + int(found[key])
         figures[f"{owner}.error_mm"] = max(figures.get(f"{owner}.error_mm", 0.0), found["worst_mm"])
-        if name == "frozen":
+        figures[f"{owner}.others_named"] = figures.get(f"{owner}.others_named", 0) + int(found["others"])
+        if name in TROUBLES:
             figures[f"{owner}.named_sets"] = max(figures.get(f"{owner}.named_sets", 0.0), found["named"])
 
 

@@ -63,10 +63,10 @@ def tilted(rig: CameraRig, degrees: float) -> CameraRig:
     return replace(rig, cameras=(replace(first, T_world_cam=first.T_world_cam @ turn), *others))
 
 
-def displaced(clip: Recording) -> State:
+def displaced(clip: Recording, off_m: float = 0.25) -> State:
     """The first state with an arm elsewhere and the root off: a limb is lost and searched for."""
     state = State(clip.states[0].T_world_root.copy(), clip.states[0].joint_positions.copy())
-    state.T_world_root[:3, 3] += (0.25, 0.0, 0.02)  # too far for short lines
+    state.T_world_root[:3, 3] += (off_m, 0.0, 0.02)  # too far for short lines
     state.joint_positions[clip.model.chain.axis_index("left_shoulder_elevation_front")] += np.radians(60.0)
     return state
 
@@ -99,6 +99,14 @@ def followed(config: TrackerConfig) -> Estimates:
     tracker = Tracker(tilted(clip.rig, 1.0), clip.model, config, backgrounds, displaced(clip))
     sets = [blank(s) if 6 <= i < 10 else staggered(s) if i % 2 else s for i, s in enumerate(clip.sets)]
     return map(tracker.step, sets[: 9 if config.colors else None])
+
+
+def begun_far(config: TrackerConfig) -> Estimates:
+    """The same person in one set, begun at many places: in some of them only the widest lines reach."""
+    clip = recording(16)
+    backgrounds = {name: clip.backgrounds[name] for name in clip.rig.names[:2]}
+    for off_m in (0.35, 0.3, 0.4, 0.45, 0.5, -0.3, -0.4):
+        yield Tracker(clip.rig, clip.model, config, backgrounds, displaced(clip, off_m)).step(clip.sets[0])
 
 
 def pointed(config: TrackerConfig) -> Estimates:
@@ -168,6 +176,8 @@ def kind_of(name: str) -> str:
     """Which scene a parameter should count in."""
     if name.startswith("self_check."):
         return "checked"
+    if name == "region.wide_scales":
+        return "begun far"
     return "searched" if name.startswith("initialization.") else "followed"
 
 
@@ -177,6 +187,8 @@ def run(way: str, kind: str, values: dict[str, Any]) -> Estimates:
     if kind == "checked":
         return checked(from_dict(WAYS[way] | {"initialization.enabled": False} | CHECKED | values))
     config = from_dict(WAYS[way] | {"initialization.enabled": False} | values)
+    if kind == "begun far":
+        return begun_far(config)
     if way == "keypoints":
         return pointed(config)
     return waved(config) if way in ("texture", "rigid") else followed(config)
@@ -219,7 +231,7 @@ def cases() -> list[tuple[str, str]]:
 @pytest.mark.parametrize(("name", "way"), cases(), ids=lambda value: value)
 def test_another_value_changes_what_is_said(name, way):
     kind = kind_of(name)
-    given = {"searched": BRIEF, "checked": CHECKED, "followed": {}}[kind] | WAYS[way]
+    given = {"searched": BRIEF, "checked": CHECKED, "followed": {}, "begun far": {}}[kind] | WAYS[way]
     value = given.get(name, describe()[name]["default"])
     assert any(counts(way, kind, {name: other}) for other in others(name, value)), f"{name} is inert"
 

@@ -27,6 +27,7 @@ class Assessment:
     part_weights : (n_shapes,) how far each part is where the state says, with ``limbs``.
     log_ratio : log-likelihood of the images for this state against chance, by which states in the same images are compared; None
         where the modality has no such measure.
+    support : (n_cameras,) the same of each camera, a sample of the outline; nan where it should not see any; None as above.
     """
 
     status: Status
@@ -37,6 +38,7 @@ class Assessment:
     dof_weights: np.ndarray | None = None
     part_weights: np.ndarray | None = None
     log_ratio: float | None = None
+    support: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

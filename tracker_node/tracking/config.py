@@ -309,7 +309,7 @@ class JointConfig:
 class SelfCheckConfig:
     """Which camera the others contradict: by its place, or by the time of its images."""
 
-    enabled: bool = parameter(True, "compare the cameras while tracking, and leave out those that repeat an image")
+    enabled: bool = parameter(True, "compare the cameras, and leave out those that repeat an image or do not show the body")
     window_s: float = parameter(2.0, "how far back they are compared", "s", 0.1, 3600.0)
     angle_deg: float = parameter(0.3, "a camera is named that has been turned by more than this", "deg", 0.0, 180.0)
     delay_images: float = parameter(0.5, "or whose images are late, or early, by more than this", "1", 0.0, 1000.0)

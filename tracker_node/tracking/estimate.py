@@ -43,6 +43,7 @@ class LimbStatus(IntEnum):
 
 
 TURNED, DELAYED, FROZEN = "turned", "delayed", "frozen"
+BLIND, DEFOCUSED, NOISY = "blind", "defocused", "noisy"
 """Kinds of faults of a camera."""
 
 PX, GRAY_LEVELS = "px", "gray levels"
@@ -73,12 +74,20 @@ class CameraReport:
     samples: int
 
 
+_OF_PICTURES = {
+    BLIND: "shows nothing of the body where the others see it: covered, upside down, or not where it was calibrated",
+    DEFOCUSED: "is out of focus, and finds less of the body",
+    NOISY: "is full of noise, and finds less of the body",
+}
+
+
 @dataclass(frozen=True)
 class CameraFault:
     """A camera that the others contradict in one way.
 
     ``kind`` is `TURNED` (``size`` and ``sigma`` in radians: since the calibration, about its center), `DELAYED` (seconds by which
-    its images are later than their stamps say; negative: earlier) or `FROZEN` (seconds for which it has repeated its image).
+    its images are later than their stamps say; negative: earlier), `FROZEN` (seconds for which it has repeated its image),
+    `BLIND`, `DEFOCUSED` or `NOISY` (what it finds of the body's outline, in shares of what is usual).
     ``rivals`` are cameras of which it might as well be one.
     """
 
@@ -98,6 +107,8 @@ class CameraFault:
             return f"{who} is turned by {turn} from where its calibration has it"
         if self.kind == FROZEN:
             return f"{who} repeats its image of {1e3 * self.size:.0f} ms ago; it is left out"
+        if self.kind in _OF_PICTURES:
+            return f"{who} {_OF_PICTURES[self.kind]} ({100.0 * max(self.size, 0.0):.0f} % of what is usual)"
         when = "late" if self.size > 0 else "early"
         return f"images of {who} are {1e3 * abs(self.size):.0f} ms (+- {1e3 * self.sigma:.0f}) {when}"
 

@@ -24,6 +24,7 @@ from ..optimize.levenberg_marquardt import clip_to_limits
 from ..parallel import Workers
 from ..render.occluders import Occluders
 from .assessment import Assessment, Report
+from .cameras.blinded import BlindedCameras
 from .cameras.frozen import FrozenCameras
 from .cameras.self_check import SelfCheck, SelfCheckOptions
 from .config import KEYPOINTS, TrackerConfig, checked_combination
@@ -122,7 +123,7 @@ class Tracker:
                 lambda: Tracker(rig, model, follower, backgrounds, None, occluders, keypoints),
             )  # fmt: skip
         self._check, self._frozen = SelfCheck(rig, model, _check_options(config)), FrozenCameras(rig, model)
-        self._exposures = Exposures(len(rig))
+        self._blinded, self._exposures = BlindedCameras(rig.names), Exposures(len(rig))
         self._late = LatePoints(rig, model, keypoints) if KEYPOINTS in config.modalities else None
         self._near: np.ndarray | None = None  # where, of several people, the body is wanted
         self._restart(initial_state)
@@ -142,6 +143,7 @@ class Tracker:
         self._track.engine.reset()
         self._check.reset()
         self._frozen.reset()
+        self._blinded.reset()
         self._exposures.reset()
         if self._initializer is not None:
             self._initializer.reset()
@@ -261,7 +263,7 @@ class Tracker:
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set."""
         began = time.perf_counter()
-        image_set, images = self._in_first_light(self._without_frozen(image_set))
+        image_set, images = self._in_first_light(self._trusted(image_set))
         people: PeopleSeen = ()
         if self._late is not None:
             self._go_back(self._late.since(image_set))
@@ -325,6 +327,7 @@ class Tracker:
             assessment, information = Assessment(Status.INITIALIZING, problem), None
         else:
             assessment = engine.assess(fit, image_set)
+            images = self._without_blinded(image_set.stamp_ns, images, assessment)
             track.log_ratio = assessment.log_ratio
             if assessment.noise:  # stay where the body was last, whatever the optimizer has made of noise
                 fit = at_state(fit, predicted)
@@ -380,27 +383,39 @@ class Tracker:
 
     @property
     def _faults(self) -> tuple[CameraFault, ...]:
-        """Of cameras that repeat an image, or that the others contradict."""
-        return self._frozen.faults + self._check.faults
+        """Of cameras that repeat an image, show the body no longer, or that the others contradict."""
+        blinded = {fault.camera for fault in self._blinded.faults}
+        contradicted = tuple(fault for fault in self._check.faults if fault.camera not in blinded)
+        return self._frozen.faults + self._blinded.faults + contradicted
 
     def _compare_cameras(self, stamp_ns: int, fit: Fit, assessment: Assessment) -> None:
         """Look for cameras that disagree with the others, by this set and those before."""
         if not self.config.self_check.enabled:
             return
-        usable = assessment.status in (Status.TRACKING, Status.DEGRADED) and not assessment.jumped
+        usable = assessment.status in (Status.TRACKING, Status.DEGRADED) and not assessment.jumped and not self._blinded.blind
         if fit.comparison is None or not usable:
             self._check.skip()
         else:
             self._check.add(stamp_ns, fit.comparison)
 
-    def _without_frozen(self, image_set: ImageSet) -> ImageSet:
-        """The set without images that were there before while the body has moved on."""
+    def _without_blinded(self, stamp_ns: int, images: Images, assessment: Assessment) -> Images:
+        """The images that may be learned from: without those of cameras that show the body no longer."""
+        if self.config.self_check.enabled and assessment.support is not None and assessment.status is not Status.LOST:
+            self._blinded.look(stamp_ns, images, assessment.support)
+        blind = self._blinded.blind
+        return [None if i in blind else image for i, image in enumerate(images)] if blind else images
+
+    def _trusted(self, image_set: ImageSet) -> ImageSet:
+        """The set without images that were there before while the body has moved on, and those that do not show it."""
         if not self.config.self_check.enabled:
             return image_set
         images = [image_set.get(camera.name) for camera in self.rig]
         pixels = [None if image is None else image.pixels for image in images]
-        over = {self.rig.names[i] for i in self._frozen.look(image_set.stamp_ns, pixels, self._track.start)}
-        return replace(image_set, images=tuple(i for i in image_set.images if i.camera not in over)) if over else image_set
+        over = self._frozen.look(image_set.stamp_ns, pixels, self._track.start)
+        if self._track.start is not None and not self._track.lost:
+            over = over + self._blinded.left_out
+        names = {self.rig.names[i] for i in over}
+        return replace(image_set, images=tuple(i for i in image_set.images if i.camera not in names)) if over else image_set
 
     def _in_first_light(self, image_set: ImageSet) -> tuple[ImageSet, list[np.ndarray | None]]:
         """The set as it would be in the light of the first one, and its images: who looks at it again sees the same colors."""

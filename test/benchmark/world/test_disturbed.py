@@ -6,10 +6,21 @@ import numpy as np
 import pytest
 
 from benchmark.contour.box import box_model, box_rig, box_states
-from benchmark.world.disturbed import BEFORE, DISTURBANCES, DISTURBED, FROZEN_SETS, Scene, changes, disturbed, judged
+from benchmark.world.disturbed import (
+    BEFORE,
+    DISTURBANCES,
+    DISTURBED,
+    FROZEN_SETS,
+    TROUBLES,
+    Scene,
+    changes,
+    disturbed,
+    judged,
+    troubled,
+)
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.tracking.estimate import FROZEN, Status
+from tracker_node.tracking.estimate import Status
 
 N = BEFORE + DISTURBED
 MODEL, RIG = box_model(), box_rig()
@@ -60,19 +71,39 @@ def test_one_camera_repeats_its_image_for_ten_sets():
     assert all(found[k].images[i].pixels is given.sets[BEFORE].images[i].pixels for k in sets)
 
 
+@pytest.mark.parametrize("name", TROUBLES)
+def test_one_camera_is_in_trouble(name):
+    given = scene()
+    found = list(disturbed(given, changes(given, 3)[name], 5))
+    changed = np.array([[not np.array_equal(a.pixels, b.pixels) for a, b in zip(x.images, y.images, strict=True)]
+                        for x, y in zip(found, given.sets, strict=True)])  # fmt: skip
+    assert np.flatnonzero(changed.any(axis=0)).tolist() == [troubled(given, 3)]
+    assert not changed[:5].any() and (name == "frozen" or changed[5:].any(axis=1).all())
+
+
+def test_an_image_upside_down_is_turned_by_half_a_turn():
+    given = scene()
+    found = next(disturbed(given, changes(given, 3)["upside_down"], 0))
+    i = troubled(given, 3)
+    np.testing.assert_array_equal(found.images[i].pixels[::-1, ::-1], given.sets[0].images[i].pixels)
+
+
 def test_sets_are_counted_that_are_lost_said_or_not_and_turned():
-    def estimate(k: int, off_m: float = 0.0, status: Status = Status.TRACKING, turned: bool = False, frozen: bool = False):
+    def estimate(k: int, off_m: float = 0.0, status: Status = Status.TRACKING, turned: bool = False, *named: str):
         T = STATES[k].T_world_root.copy()
         T[0, 3] += off_m
         if turned:
             T[:3, 0] *= -1.0
-        return SimpleNamespace(state=State.neutral(MODEL, T), status=status, faults=(SimpleNamespace(kind=FROZEN),) * frozen)
+        faults = tuple(SimpleNamespace(camera=name) for name in named)
+        return SimpleNamespace(state=State.neutral(MODEL, T), status=status, faults=faults)
 
     run = [estimate(k) for k in range(N)]
-    assert judged(scene(), run) == {"lost": 0, "unsaid": 0, "turned": 0, "worst_mm": 0.0, "named": np.inf}
+    nothing = {"lost": 0, "unsaid": 0, "turned": 0, "worst_mm": 0.0, "named": np.inf, "others": 0}
+    assert judged(scene(), run, RIG.names[1]) == nothing
     run[3] = estimate(3, 1.0)  # before the change: not counted
-    run[BEFORE + 4] = estimate(BEFORE + 4, 0.03, frozen=True)
+    run[BEFORE + 4] = estimate(BEFORE + 4, 0.03, Status.TRACKING, False, RIG.names[1])
+    run[BEFORE + 5] = estimate(BEFORE + 5, 0.0, Status.TRACKING, False, RIG.names[0])
     run[BEFORE + 6] = estimate(BEFORE + 6, 0.01, Status.LOST)
     run[BEFORE + 7] = estimate(BEFORE + 7, turned=True)
-    found = judged(scene(), run)
-    assert found == {"lost": 2, "unsaid": 1, "turned": 1, "worst_mm": pytest.approx(30.0), "named": 4.0}
+    found = judged(scene(), run, RIG.names[1])
+    assert found == {"lost": 2, "unsaid": 1, "turned": 1, "worst_mm": pytest.approx(30.0), "named": 4.0, "others": 1}

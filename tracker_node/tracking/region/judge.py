@@ -77,7 +77,7 @@ class RegionJudge(Judge):
         return Assessment(
             status, reason, noise=is_noise(evidence) and by_points is None, jumped=fit.jumped, limbs=reports,
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
-            log_ratio=_log_ratio(evidence),
+            log_ratio=_log_ratio(evidence), support=_support(evidence),
         )  # fmt: skip
 
     def _by_points(self, fit: LineFit) -> np.ndarray | None:
@@ -120,6 +120,13 @@ def _rms(stats: np.ndarray) -> float:
 def _log_ratio(evidence: PartEvidence) -> float:
     """Log-likelihood of the body's outline against chance; what hides behind the rest wins nothing."""
     return float((evidence.log_ratio - _CHANCE * evidence.expected).sum())
+
+
+def _support(evidence: PartEvidence) -> np.ndarray:
+    """(n_cameras,) log-likelihood ratio of a contour against none, a sample of the outline that a camera should see."""
+    expected = evidence.expected.sum(axis=1)
+    seen = expected >= _LEAST_OUTLINE
+    return np.where(seen, evidence.log_ratio.sum(axis=1) / np.maximum(expected, 1.0), np.nan)
 
 
 _TRACE = 1e-6
