@@ -153,9 +153,9 @@ DISTURBANCES = ("calm", "light_step", "flicker", "one_dark", *TROUBLES)
 
 def figure_scene(cache: Path, seed: int) -> Scene:
     clip = recorded("figure", Request(subject="figure", n_images=FIGURE_IMAGES, scene=FIGURE_SCENE), cache)
-    states, n = true_states(clip), BEFORE + DISTURBED
-    first = int(np.random.default_rng(seed).integers(len(states) - n))
-    last = min(len(states), first + BEFORE + BUMPED)
+    states, n = true_states(clip), BEFORE + BUMPED
+    first = int(np.random.default_rng(seed).integers(len(states) - n + 1))
+    last = first + n
     sets, states = [one for k, one in enumerate(clip.sets(limit=last)) if k >= first], states[first:last]
 
     def places(state: State) -> np.ndarray:
@@ -175,9 +175,9 @@ def box_scene(cache: Path, seed: int) -> Scene:
 
 def clothed_scene(folder: Path, seed: int) -> Scene:
     clip = load_clip(folder)
-    n = BEFORE + DISTURBED
-    first = int(np.random.default_rng(seed).integers(len(clip) - n))
-    last = min(len(clip), first + BEFORE + BUMPED)
+    n = min(BEFORE + BUMPED, len(clip))
+    first = int(np.random.default_rng(seed).integers(len(clip) - n + 1))
+    last = first + n
     rows = [clip.model.landmark_index(joint) for joint in JOINTS]
     return Scene(
         clip.name, clip.rig, clip.model, clip.start(first), [clip.image_set(row) for row in range(first, last)],

@@ -48,12 +48,16 @@ class Landmark:
 
 @dataclass(frozen=True)
 class ArticulatedModel:
-    """A body that can be posed. A rigid object is one link without joints."""
+    """A body that can be posed. A rigid object is one link without joints.
+
+    ``symmetric``: turns that map the body onto itself do not matter.
+    """
 
     name: str
     chain: KinematicChain
     shapes: tuple[Shape, ...]
     landmarks: tuple[Landmark, ...] = ()
+    symmetric: bool = False
 
     shape_links: np.ndarray = field(init=False, repr=False, compare=False)  # (n_shapes,) link index
     Ts_link_shape: np.ndarray = field(init=False, repr=False, compare=False)  # (n_shapes, 4, 4)

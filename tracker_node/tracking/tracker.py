@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from .assessment import Assessment, Report
 from .cameras.blinded import BlindedCameras
 from .cameras.frozen import FrozenCameras
 from .cameras.self_check import SelfCheck, SelfCheckOptions
-from .config import KEYPOINTS, TrackerConfig, checked_combination
+from .config import GEOMETRIC, KEYPOINTS, TrackerConfig, checked_combination
 from .engine import AnyEngine
 from .engines import make_engine
 from .estimate import CameraFault, LimbStatus, Status, Timings, TrackEstimate
@@ -37,13 +38,15 @@ from .keypoints.crops import crops_of
 from .keypoints.late import LatePoints, PastSet
 from .modality import Images, PeopleSeen
 from .motion.model import ExposureDelays, MotionModel, Prediction
-from .uncertainty.covariance import ImageEvidence, fit_covariance
+from .uncertainty.covariance import ImageEvidence, fit_covariance, without_direction
+from .uncertainty.symmetry import Symmetry, symmetry_of
 
 _LOST_SETS = 2  # image sets in which a body was LOST, after which a detector's points say where it is
 _HELD_SETS = 5  # that a body was not LOST, for what was learned from it to be the body's...
 _KNOWN_SETS = 100  # ...and in which it is LOST, until that says nothing any more
 _MOST_AGAIN = 1  # image sets that are fitted again where points come late, of those since: live, all would take too long
 _CLEARLY = 0.05  # fraction of its log-likelihood ratio by which another place has to be better than one that is not lost
+_OF_A_TURN = 1.0 / 6.0  # that maps the body onto itself: standard deviation, beyond which it may have been turned by it
 _SAME_PLACE_M = 0.5  # between two roots, within which it may be the same body otherwise posed
 
 
@@ -53,7 +56,8 @@ class _Track:
 
     ``log_ratio``: of the last assessment. ``start``: its last state, or the one that was given; None: it is not known. ``lost``:
     image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
-    since the start in which a limb was lost; None: there was one without.
+    since the start in which a limb was lost; None: there was one without. ``turned``: why it may be turned otherwise, of a body
+    that looks the same then.
     """
 
     engine: AnyEngine
@@ -63,6 +67,7 @@ class _Track:
     lost: int = 0
     held: int = 0
     unproven: int | None = 0
+    turned: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +130,7 @@ class Tracker:
         self._check, self._frozen = SelfCheck(rig, model, _check_options(config)), FrozenCameras(rig, model)
         self._blinded, self._exposures = BlindedCameras(rig.names), Exposures(len(rig))
         self._late = LatePoints(rig, model, keypoints) if KEYPOINTS in config.modalities else None
+        self._left_out: list[str] = []  # cameras whose images are not trusted
         self._near: np.ndarray | None = None  # where, of several people, the body is wanted
         self._restart(initial_state)
 
@@ -196,7 +202,8 @@ class Tracker:
         self._restart(track.start)
         self._track.engine.begin(images, track.start, known=True)
         self._track.motion.take_over(track.motion)
-        self._track = replace(track, engine=self._track.engine, motion=self._track.motion)
+        turned = self._turned_otherwise(np.inf)
+        self._track = replace(track, engine=self._track.engine, motion=self._track.motion, turned=turned)
 
     def _reinitialized(self, initializer: Initializer, images: Images, image_set: ImageSet) -> TrackEstimate | None:
         """The estimate of another tracker that has found the body in all of the images, and whose track is taken; or None.
@@ -279,6 +286,9 @@ class Tracker:
         finished = time.perf_counter()
         report = engine.report(fit, image_set)
         evidence = report.images if information is not None else None
+        if evidence is not None and self._symmetry.has_spins:
+            for spin in self._symmetry.spins(Configuration(self.model, fit.state)):
+                evidence = evidence.without(spin)
         covariance, second_order = self._covariance(report, fit.state, prior, information, evidence, assessment)
         if KEYPOINTS in self.config.modalities:
             scale = self.config.keypoints.error_scale
@@ -290,7 +300,7 @@ class Tracker:
         return TrackEstimate(
             stamp_ns=image_set.stamp_ns,
             status=assessment.status,
-            status_reason=assessment.reason,
+            status_reason=self._with_left_out(assessment.reason),
             state=fit.state,
             velocity=track.motion.velocity.copy(),
             covariance=covariance,
@@ -326,7 +336,7 @@ class Tracker:
             problem = NOT_GIVEN if self._initializer is None else self._initializer.problem
             assessment, information = Assessment(Status.INITIALIZING, problem), None
         else:
-            assessment = engine.assess(fit, image_set)
+            assessment = self._with_turns(engine.assess(fit, image_set), prediction)
             images = self._without_blinded(image_set.stamp_ns, images, assessment)
             track.log_ratio = assessment.log_ratio
             if assessment.noise:  # stay where the body was last, whatever the optimizer has made of noise
@@ -336,6 +346,29 @@ class Tracker:
         if self._late is not None:
             self._late.add(PastSet(image_set, people, before))
         return _Step(fit, prior, assessment, information, observed, fitted)
+
+    @cached_property
+    def _symmetry(self) -> Symmetry:
+        """How the body may be turned without looking otherwise."""
+        return symmetry_of(self.model, any(name not in GEOMETRIC for name in self.config.modalities))
+
+    def _turned_otherwise(self, sigma_rad: float) -> str:
+        """Why the body may be turned otherwise, if its turn was known to ``sigma_rad`` when it was found; else "" """
+        turns = [turn for turn in self._symmetry.turns if sigma_rad > _OF_A_TURN * turn]
+        if self.model.symmetric or not turns:
+            return ""
+        return f"found again, it may as well be turned by {np.degrees(turns[-1]):.0f} degrees"
+
+    def _with_turns(self, assessment: Assessment, prediction: Prediction | None) -> Assessment:
+        """DEGRADED, where a body that was lost has been found in one of several turns in which it looks the same."""
+        track = self._track
+        if track.lost and not track.turned and assessment.status is not Status.LOST:
+            covariance = None if prediction is None else prediction.covariance
+            sigma_rad = np.inf if covariance is None else float(np.sqrt(np.linalg.eigvalsh(covariance[3:6, 3:6])[-1]))
+            track.turned = self._turned_otherwise(sigma_rad)
+        if track.turned and assessment.status is Status.TRACKING:
+            return replace(assessment, status=Status.DEGRADED, reason=track.turned)
+        return assessment
 
     def _begin_where_found(self, people: PeopleSeen) -> bool:
         """Begin where a detector has found a body that is not known, or LOST; whether it has."""
@@ -381,6 +414,9 @@ class Tracker:
         track.motion.update(image_set.stamp_ns, fit.state, self._information(fit, prior, Assessment(Status.TRACKING, "")))
         self._late.add(PastSet(image_set, past.people, before))
 
+    def _with_left_out(self, reason: str) -> str:
+        return f"{reason}: {', '.join(self._left_out)} left out" if reason and self._left_out else reason
+
     @property
     def _faults(self) -> tuple[CameraFault, ...]:
         """Of cameras that repeat an image, show the body no longer, or that the others contradict."""
@@ -414,8 +450,10 @@ class Tracker:
         over = self._frozen.look(image_set.stamp_ns, pixels, self._track.start)
         if self._track.start is not None and not self._track.lost:
             over = over + self._blinded.left_out
-        names = {self.rig.names[i] for i in over}
-        return replace(image_set, images=tuple(i for i in image_set.images if i.camera not in names)) if over else image_set
+        self._left_out = [self.rig.names[i] for i in over]
+        if not over:
+            return image_set
+        return replace(image_set, images=tuple(i for i in image_set.images if i.camera not in self._left_out))
 
     def _in_first_light(self, image_set: ImageSet) -> tuple[ImageSet, list[np.ndarray | None]]:
         """The set as it would be in the light of the first one, and its images: who looks at it again sees the same colors."""
@@ -462,6 +500,9 @@ class Tracker:
         if prior is not None:
             prior.add_to(H, g, fit.state)
         information, weights = fit.equations.H - H, assessment.dof_weights
+        if self._symmetry.has_spins:
+            for spin in self._symmetry.spins(Configuration(self.model, fit.state)):
+                information = without_direction(information, spin)
         return information if weights is None else weights[:, None] * information * weights
 
     def _covariance(
@@ -476,7 +517,7 @@ class Tracker:
         """(n_dof, n_dof) of ``state``, and its second-order part: by what the images say, weighted, and by the prediction, which
         is all there is of what is lost."""
         weights = assessment.dof_weights
-        whole = information is not None and (weights is None or bool((weights == 1.0).all()))
+        whole = information is not None and (weights is None or bool((weights == 1.0).all())) and not self._symmetry.has_spins
         if not assessment.limbs or whole or (prior is None and information is None):
             return report.covariance, report.second_order
         n = self.model.n_dof

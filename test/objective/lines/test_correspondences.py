@@ -151,6 +151,22 @@ def test_evidence_tells_a_ball_that_is_there_from_one_that_is_not():
     assert shares[1] < 0.3
 
 
+def test_lines_over_bars_of_the_balls_color_are_told_from_those_of_a_ball_that_is_not_there():
+    image, radius_px = disk(0.25)
+    bars = image.copy()
+    for row in range(0, len(image), 40):
+        bars[row : row + 20] = image[int(len(image) / 2), int(image.shape[1] / 2)]
+    found = []
+    for shown, x in ((image, 0.0), (bars, 0.0), (image, 0.45)):
+        lines = drawing_of(0.25, shown, radius_px=radius_px).draw(at(x=x), 1.0)
+        evidence = lines.at(at(x=x)).part_evidence(2.5)
+        found.append((evidence.close.sum() / evidence.expected.sum(), evidence.filled.sum() / evidence.expected.sum()))
+    (close, filled), (barred_close, barred_filled), (away_close, away_filled) = found
+    assert close > 0.9 and filled < 0.05
+    assert 0.2 < barred_filled < 0.8 and barred_close > 0.9 * (1.0 - barred_filled) - 0.15
+    assert away_close < 0.3 and away_filled < 0.3  # where it reaches over the ball
+
+
 def test_the_spread_beyond_the_lines_own_is_that_of_a_wrong_model():
     image, radius_px = disk(0.25)
     spreads = []

@@ -28,7 +28,8 @@ def evidence(close=0.85, **limbs) -> PartEvidence:
         if share is None:
             expected[:, limb.shapes] = 0.0
         shares[limb.shapes] = share or 0.0
-    return PartEvidence(expected, expected * shares, expected * shares, expected * shares, 14.0 * expected * shares)
+    close = expected * shares
+    return PartEvidence(expected, close, close, close, 14.0 * close, 0.0 * expected)
 
 
 def told(judge: LimbJudge, seen: PartEvidence, sets: int = 1, covariance=None) -> dict[str, LimbReport]:
@@ -48,6 +49,14 @@ def test_measures_are_shares_of_what_should_be_seen():
     share, median, ratio, worst = limb_measures(seen, judge_limb("left_forearm").shapes)
     assert (share, median, worst) == pytest.approx((0.75 * 0.85, 0.85, 0.75 * 0.85)) and ratio == pytest.approx(14.0 * 0.85)
     assert limb_measures(evidence(left_forearm=None), judge_limb("left_forearm").shapes) is None
+
+
+def test_an_outline_over_the_limbs_own_colors_is_not_expected_up_to_half_of_it():
+    shapes = judge_limb("left_forearm").shapes
+    seen, plain = evidence(close=0.4), limb_measures(evidence(close=0.4), shapes)
+    half = limb_measures(replace(seen, filled=0.5 * seen.expected), shapes)
+    np.testing.assert_allclose(half, 2.0 * plain)
+    np.testing.assert_allclose(limb_measures(replace(seen, filled=seen.expected), shapes), half)
 
 
 def judge_limb(name):
@@ -334,7 +343,7 @@ def table(*rows) -> np.ndarray:
 
 def parts(expected, close, ratio=None) -> PartEvidence:
     zero = np.zeros_like(expected)
-    return PartEvidence(expected, zero, close, zero, zero if ratio is None else ratio)
+    return PartEvidence(expected, zero, close, zero, zero if ratio is None else ratio, zero)
 
 
 def test_measures_of_a_limb_of_two_shapes_in_three_cameras():

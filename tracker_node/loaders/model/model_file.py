@@ -235,6 +235,7 @@ class ModelFile(FileModel):
     joints: dict[str, JointEntry] = Field(default_factory=dict)
     shapes: dict[str, ShapeEntry] = Field(default_factory=dict)
     landmarks: dict[str, LandmarkEntry] = Field(default_factory=dict)
+    symmetric: bool = False
 
     @model_validator(mode="after")
     def _fits_together(self) -> ModelFile:

@@ -77,8 +77,10 @@ def sum_camera(lines, info, n, Ts_link, camera, options, sums):
 
 
 # Rows of the evidence of one camera
-EXPECTED, FOUND, CLOSE, CHI2, SUM_LOG_RATIO = range(5)
-N_EVIDENCE = 5
+EXPECTED, FOUND, CLOSE, CHI2, SUM_LOG_RATIO, FILLED = range(6)
+N_EVIDENCE = 6
+_FILLED = 0.6  # fraction of a line's reach, farther out than which its contour is where all of it has the body's colors...
+_COMMON = 1.0  # px^-2: ...which are common beyond, too, where it is no more precise than that
 _UNSEEN_PX = 1e6  # residual of what the camera cannot see
 
 
@@ -110,7 +112,7 @@ def line_residuals(lines, info, n, Ts_link, camera, residuals):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def count_evidence(lines, info, n, residuals, model_variance, close_px, evidence):
+def count_evidence(lines, info, n, residuals, model_variance, close_px, reach_px, evidence):
     """Add the lines of the body's outline to the evidence of its parts.
 
     Parameters
@@ -118,6 +120,7 @@ def count_evidence(lines, info, n, residuals, model_variance, close_px, evidence
     lines, info, n, residuals : see `line_residuals`.
     model_variance : pixels^2, by which contours are off beyond their noise.
     close_px : residual below which a line counts as `CLOSE`.
+    reach_px : how far out lines look.
     evidence : (`N_EVIDENCE`, n_shapes), added to.
     """
     for j in range(n):
@@ -131,3 +134,5 @@ def count_evidence(lines, info, n, residuals, model_variance, close_px, evidence
             evidence[CHI2, shape] += residuals[j] ** 2 / (1.0 / precision + model_variance)
             if abs(residuals[j]) < close_px:
                 evidence[CLOSE, shape] += 1.0
+            elif precision < _COMMON and residuals[j] < -_FILLED * reach_px and lines[j, MEAN] > _FILLED * reach_px:
+                evidence[FILLED, shape] += 1.0

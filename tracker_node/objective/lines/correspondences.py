@@ -108,6 +108,7 @@ class PartEvidence:
     close : those of them whose contour is within ``close_px``.
     chi2 : summed squared residuals over their variance.
     log_ratio : summed log-likelihood ratio of a contour on the line against none.
+    filled : those of them that are not close, as the body's colors go on as far as the line looks.
     """
 
     expected: np.ndarray
@@ -115,6 +116,7 @@ class PartEvidence:
     close: np.ndarray
     chi2: np.ndarray
     log_ratio: np.ndarray
+    filled: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,8 +375,11 @@ class LinesAt:
             return self._evidence[close_px]
         drawn = self._drawn
         table, variance = np.zeros((N_EVIDENCE, len(drawn.cameras), len(drawn.model.shapes))), drawn.packed[kernel.MODEL_VARIANCE]
+        reach_px = float(drawn.packed[kernel.SCALE] * drawn.packed[kernel.HALF_LENGTH])
         for i, own in drawn.seeing:
-            count_evidence(own.lines, own.info, len(own.lines), self.residuals[i], float(variance), close_px, table[:, i])
+            count_evidence(
+                own.lines, own.info, len(own.lines), self.residuals[i], float(variance), close_px, reach_px, table[:, i]
+            )
         self._evidence[close_px] = PartEvidence(*table)
         return self._evidence[close_px]
 

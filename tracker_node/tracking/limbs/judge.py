@@ -19,6 +19,8 @@ from ...geometry import so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...objective.lines.correspondences import PartEvidence
+from ...render.contour.generators import world_spheres
+from ...render.shape_arrays import bounding_spheres
 from ..config import StatusConfig
 from ..estimate import LimbReport, LimbStatus, Status
 from .tree import Limb, limbs_of
@@ -27,11 +29,14 @@ LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
 _LEAST_OF_PART = 15  # samples of a part's outline in all cameras, for it to be judged alone
 _LEAST = 1e-4  # probability that nothing is ever below
+_MOST_FILLED = 0.5  # of the outline, on both sides of which the limb's colors may say nothing
 _NOISE = 0.2  # fraction of the outline that is found anywhere
 _BESIDE = 1.0  # log odds by outlines that count at most where there is other evidence
 _CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set, that a limb that is seen has
 _LEAST_LIMBS = 3  # that are seen, to say where the trunk is
 _KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
+_KNOWN_OF_THING = 0.03  # the same of a body without limbs, of its size...
+_LEAST_OF_THING = 0.6  # ...of whose outline at least so much is found
 _OF_GUESSES = 0.1  # weight of what images say of a limb that they seem to know well, but points and outline do not confirm
 _SURE = 0.003  # probability of lost, of a limb that need not be looked for elsewhere...
 _CLEAR = 0.75  # ...nor one of whose outline so much is found, where it is in place
@@ -62,7 +67,8 @@ def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | No
     (4,), or None where too little of the limb should be seen.
     """
     result = np.empty(len(MEASURES))
-    return result if _measure(evidence.expected, evidence.close, evidence.log_ratio, shapes, result) else None
+    told = evidence.expected - np.minimum(evidence.filled, _MOST_FILLED * evidence.expected)
+    return result if _measure(told, evidence.close, evidence.log_ratio, shapes, result) else None
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -105,6 +111,7 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
+        self._known_m = _KNOWN_OF_THING * _size(model)
         self.reset()
 
     def reset(self) -> None:
@@ -308,6 +315,28 @@ class LimbJudge:
         variances = np.linalg.eigvalsh(np.swapaxes(J, 1, 2) @ covariance @ J)[:, -1]
         return np.sqrt(np.maximum(variances, 0.0))
 
+    def doubt(self, evidence: PartEvidence, state: State, covariance: np.ndarray) -> str:
+        """Whether a body without limbs may not quite be where it has been found.
+
+        One camera sees little of the depth. Its colors are learned all the same: without, it is lost next.
+
+        Parameters
+        ----------
+        evidence : of the image set at ``state``.
+        state, covariance : of the body; (n_dof, n_dof) in its tangent.
+
+        Returns
+        -------
+        The reason; "" if there is none.
+        """
+        if len(self.limbs) > 1:
+            return ""
+        found = float(evidence.close.sum() / max(evidence.expected.sum(), 1.0))
+        if found < _LEAST_OF_THING:
+            return f"{100.0 * found:.0f} % of its outline are found"
+        sigma_m = float(self.tip_sigmas(state, covariance)[0])
+        return f"{self.limbs[0].name} is known to {1e3 * sigma_m:.0f} mm" if sigma_m > self._known_m else ""
+
     def part_weights(self, reports: Sequence[LimbReport]) -> np.ndarray:
         """(n_shapes,) 1 for the parts of limbs that are TRACKING, 0 for others."""
         result = np.ones(len(self._model.shapes))
@@ -329,6 +358,15 @@ class LimbJudge:
             if guessed:
                 result[limb.dofs] = np.minimum(result[limb.dofs], _OF_GUESSES)
         return result
+
+
+def _size(model: ArticulatedModel) -> float:
+    """Twice how far a body of one link reaches from the middle of its shapes, meters."""
+    bounds = bounding_spheres(model)
+    spheres = np.empty_like(bounds)
+    world_spheres(Configuration(model, State.neutral(model)).Ts_world_shape, bounds, spheres)
+    middle = spheres[:, :3].mean(axis=0)
+    return 2.0 * float((np.linalg.norm(spheres[:, :3] - middle, axis=1) + spheres[:, 3]).max())
 
 
 def _beyond(distance: float, sigma: float) -> float:

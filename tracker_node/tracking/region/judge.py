@@ -74,6 +74,9 @@ class RegionJudge(Judge):
         status, reason = body_status(reports)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set, fit.correspondences.active)
+        if status is Status.TRACKING:
+            reason = self.limbs.doubt(evidence, fit.state, self._of(fit)[1][0])
+            status = Status.DEGRADED if reason else status
         return Assessment(
             status, reason, noise=is_noise(evidence) and by_points is None, jumped=fit.jumped, limbs=reports,
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),

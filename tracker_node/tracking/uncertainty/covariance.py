@@ -71,6 +71,12 @@ class ImageEvidence:
             innovation = M @ tangent
         return M, None if self.gradient is None else innovation
 
+    def without(self, direction: np.ndarray) -> ImageEvidence:
+        """The same without what seems to be told of a direction (n_dof,) that no image tells."""
+        P = _off(self.information, direction)
+        gradient = None if self.gradient is None else P.T @ self.gradient
+        return ImageEvidence(P.T @ self.information @ P, P.T @ self.scatter @ P, self.normal, gradient)
+
     def weighted(self, weights: np.ndarray, moved_by: np.ndarray) -> ImageEvidence:
         """The same with some degrees of freedom counting less.
 
@@ -86,6 +92,29 @@ class ImageEvidence:
         both = np.outer(weights, weights)
         links = np.where(moved_by, weights, 1.0).min(axis=1) ** 2
         return ImageEvidence(both * self.information, both * self.scatter, links[:, None, None] * self.normal)
+
+
+def _off(H: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(n_dof, n_dof) P, so that P^T H P knows nothing of a direction, and the most of all others."""
+    told = H @ direction
+    whole = float(direction @ told)
+    return np.eye(len(H)) - (np.outer(direction, told) / whole if whole > 0.0 else 0.0)
+
+
+def without_direction(H: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Information on a state without that on one direction.
+
+    Parameters
+    ----------
+    H : (n_dof, n_dof).
+    direction : (n_dof,) in the tangent.
+
+    Returns
+    -------
+    (n_dof, n_dof).
+    """
+    P = _off(H, direction)
+    return P.T @ H @ P
 
 
 def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configuration) -> tuple[np.ndarray, np.ndarray]:

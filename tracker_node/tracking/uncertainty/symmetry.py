@@ -1,0 +1,176 @@
+"""Turns that map a body, or the end of a limb, onto itself: no image tells them.
+
+Of a rigid body that was lost it is not known in which of them it was found. A turn about an axis of revolution, as of a bottle or
+of a head that is a cone, is not told at all; lines that were drawn before the last step seem to tell a little of it.
+
+Surface points of the turned body are compared with others of the body itself, in place and in color. Axes are those of the link,
+of the shapes, and of inertia, through the middle of the surface; of a limb's end, that of its last joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...geometry import se3, so3
+from ...model.articulated import ArticulatedModel, Shape
+from ...model.configuration import Configuration, State
+from ...model.kinematic_chain import N_ROOT_DOF
+from ...model.shapes.primitives import Mesh
+from ...render.opengl.tessellation import tessellate
+
+ANGLES = tuple(np.radians([35.0, 60.0, 72.0, 90.0, 120.0, 180.0]))  # the first: of bodies of revolution
+_POINTS = 1500
+_MORE = 1.3  # times the distance of points to those of another sample, that is due to sampling
+_MOST_OFF, _FEW = 0.06, 0.98  # of the size, that nearly all points may be off: a handle is more
+_LEVELS = 300.0  # of color, that count as much as the size
+_ALIKE = 0.999  # cosine of axes that are one
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetry:
+    """How a body may be turned without looking otherwise.
+
+    Attributes
+    ----------
+    turns : angles about some axis of a body of one link, radians, from small to large; 35 degrees stand for any.
+    axis : (2, 3) a point of the axis about which any turn of the whole body will do, meters in the frame of the root link, and
+        its direction; None.
+    dofs : indices of the joint axes that turn the end of a limb about its axis of revolution.
+    """
+
+    turns: tuple[float, ...] = ()
+    axis: np.ndarray | None = None
+    dofs: tuple[int, ...] = ()
+
+    @property
+    def has_spins(self) -> bool:
+        """Whether there is any axis of revolution."""
+        return self.axis is not None or bool(self.dofs)
+
+    def spins(self, body: Configuration) -> list[np.ndarray]:
+        """Tangents (n_dof,) along which the body turns about an axis of revolution."""
+        found = [np.eye(body.model.n_dof)[dof] for dof in self.dofs]
+        if self.axis is not None:
+            T = body.Ts_world_link[0]
+            direction = T[:3, :3] @ self.axis[1]
+            twist = np.concatenate([np.cross(se3.apply(T, self.axis[0]), direction), direction])
+            found.append(np.linalg.solve(body.twists[:N_ROOT_DOF].T, twist))
+        return found
+
+
+def symmetry_of(model: ArticulatedModel, by_texture: bool = False) -> Symmetry:
+    """The turns that map a body onto itself.
+
+    Parameters
+    ----------
+    model : any body.
+    by_texture : colors count point by point; else each shape has one.
+
+    Returns
+    -------
+    ``turns`` and ``axis`` of a body of one link, ``dofs`` of others.
+    """
+    if model.n_dof > N_ROOT_DOF:
+        return Symmetry(dofs=tuple(_rolls(model, by_texture)))
+    whole = _Surface.of(model, range(len(model.shapes)), by_texture)
+    if whole is None or len(model.chain.links) > 1:
+        return Symmetry()
+    tried = ((angle, axis) for axis in _axes(model, whole.points) for angle in ANGLES)
+    found = [(angle, axis) for angle, axis in tried if whole.is_mapped(whole.middle, axis, angle)]
+    around = [axis for angle, axis in found if angle == ANGLES[0]]
+    axis = np.array([whole.middle, around[0]]) if len(around) == 1 else None
+    return Symmetry(tuple(sorted({angle for angle, _ in found})), axis)
+
+
+def _rolls(model: ArticulatedModel, by_texture: bool) -> Iterator[int]:
+    """The last axes of the joints at the limbs' ends that turn what hangs on them about its own axis of revolution."""
+    chain, neutral = model.chain, Configuration(model, State.neutral(model))
+    axes = [axis for joint in chain.joints for axis in joint.axes]
+    moved = chain.link_moved_by.T
+    for dof in range(N_ROOT_DOF, model.n_dof):
+        last = not any((moved[other] <= moved[dof]).all() for other in range(dof + 1, model.n_dof))
+        if not last or axes[dof - N_ROOT_DOF].prismatic:
+            continue
+        end = _Surface.of(model, np.flatnonzero(moved[dof][model.shape_links]), by_texture)
+        v, w = neutral.twists[dof, :3], neutral.twists[dof, 3:]
+        if end is not None and end.is_mapped(np.cross(w, v), w, ANGLES[0]):
+            yield dof
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Some shapes of the neutral body: ``points`` (n, 6) of their surface with colors, in sizes of the body, and others."""
+
+    points: np.ndarray
+    tree: cKDTree
+    middle: np.ndarray
+    size: float
+    usual: float
+
+    @classmethod
+    def of(cls, model: ArticulatedModel, shapes: Iterable[int], by_texture: bool) -> _Surface | None:
+        """None where there are no shapes, or textures count and there are any."""
+        placed = Configuration(model, State.neutral(model)).Ts_world_shape
+        triangles, tones = [], []
+        for i in shapes:
+            corners, colors = _triangles(model.shapes[i], by_texture)
+            if colors is None:
+                return None
+            triangles.append(se3.apply(placed[i], corners.reshape(-1, 3)).reshape(-1, 3, 3))
+            tones.append(colors)
+        if not triangles:
+            return None
+        corners, colors = np.concatenate(triangles), np.concatenate(tones)
+        points, more = _drawn(corners, colors, 1), _drawn(corners, colors, 2)
+        middle = points[:, :3].mean(axis=0)
+        size = float(np.linalg.norm(points[:, :3] - middle, axis=1).max())
+        for sample in (points, more):
+            sample[:, 3:] *= size / _LEVELS
+        tree = cKDTree(more)
+        return cls(points, tree, middle, size, float(tree.query(points)[0].mean()))
+
+    def is_mapped(self, point: np.ndarray, axis: np.ndarray, angle: float) -> bool:
+        """Whether a turn about an axis through a point maps the surface onto itself."""
+        turned = self.points.copy()
+        turned[:, :3] = (self.points[:, :3] - point) @ so3.exp(angle * axis).T + point
+        off = self.tree.query(turned)[0]
+        return bool(off.mean() < _MORE * self.usual and np.quantile(off, _FEW) < _MOST_OFF * self.size + self.usual)
+
+
+def _triangles(shape: Shape, by_texture: bool) -> tuple[np.ndarray, np.ndarray | None]:
+    """(n, 3, 3) corners in the frame of the shape and (n, 3) colors, 0..255, None of textures that count."""
+    mesh = shape.primitive
+    if isinstance(mesh, Mesh) and not by_texture:
+        corners = mesh.vertices[mesh.faces]
+        return corners, np.tile(np.asarray(shape.color_rgb, dtype=np.float64), (len(corners), 1))
+    patches = tessellate(mesh, shape.color_rgb)
+    corners = np.concatenate([patch.vertices[patch.faces] for patch in patches])
+    if not by_texture:
+        return corners, np.tile(np.asarray(shape.color_rgb, dtype=np.float64), (len(corners), 1))
+    if any(patch.texture is not None for patch in patches):
+        return corners, None
+    return corners, np.concatenate([255.0 * patch.colors[patch.faces].mean(axis=1) for patch in patches])
+
+
+def _drawn(corners: np.ndarray, colors: np.ndarray, seed: int) -> np.ndarray:
+    """(n, 6) points of the surface, evenly, with their colors."""
+    rng = np.random.default_rng(seed)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    chosen = rng.choice(len(corners), _POINTS, p=areas / areas.sum())
+    weights = rng.dirichlet(np.ones(3), _POINTS)
+    return np.hstack([np.einsum("nk,nkj->nj", weights, corners[chosen]), colors[chosen]])
+
+
+def _axes(model: ArticulatedModel, points: np.ndarray) -> Iterator[np.ndarray]:
+    """Unit vectors, each direction once."""
+    _, inertia = np.linalg.eigh(np.cov(points[:, :3].T))
+    axes: list[np.ndarray] = []
+    for frame in (np.eye(3), *(shape.T_link_shape[:3, :3] for shape in model.shapes[:20]), inertia):
+        for axis in frame.T:
+            if all(abs(float(axis @ other)) < _ALIKE for other in axes):
+                axes.append(axis)
+                yield axis
