@@ -338,6 +338,7 @@ class TextureConfig(_ByColors):
     """Textures on the faces of boxes, in each camera's own brightness and contrast."""
 
     search_radius: float = parameter(0.35, "a lost body is searched this far around where it is expected", "m", 0, 10)
+    correlation: float = parameter(60.0, "how many neighboring points share one error, for the covariance", "points", 1, 10000)
 
 
 @dataclass(frozen=True)
@@ -437,6 +438,11 @@ class TrackerConfig:
         return next((name for name in COLORS if name in self.modalities), None)
 
     @property
+    def is_joint(self) -> bool:
+        """Whether colors and contours are fitted together."""
+        return bool(self.contours) and self.colors is not None and self.combination == "joint"
+
+    @property
     def residual_unit(self) -> str:
         """Unit of the residuals of estimates."""
         return GRAY_LEVELS if self.colors and not self.contours else PX
@@ -447,7 +453,7 @@ class TrackerConfig:
         mixed = bool(self.contours) and self.colors is not None
         more = {MIXED} if mixed else {ALONE} if self.colors else set()
         more |= {POINTS_BESIDE} if {REGION, KEYPOINTS} <= set(self.modalities) else set()
-        return frozenset(self.modalities) | more | ({JOINT} if mixed and self.combination == "joint" else set())
+        return frozenset(self.modalities) | more | ({JOINT} if self.is_joint and self.colors == COLOR else set())
 
 
 def checked_combination(config: TrackerConfig, source: str) -> TrackerConfig:
@@ -473,8 +479,8 @@ def checked_combination(config: TrackerConfig, source: str) -> TrackerConfig:
         raise FileFormatError(source, "modalities", f"at most one of {', '.join(COLORS)}", list(names))
     if KEYPOINTS in names and set(names) - {REGION, KEYPOINTS}:
         raise FileFormatError(source, "modalities", "keypoints alone, or with region", list(names))
-    if JOINT in config.tags and config.colors != COLOR:
-        expected = f"sequential with the modality {config.colors}: only color is fitted jointly with contours"
+    if config.is_joint and config.colors not in (COLOR, TEXTURE):
+        expected = f"sequential with the modality {config.colors}: only color and texture are fitted jointly with contours"
         raise FileFormatError(source, "combination", expected, config.combination)
     return config
 

@@ -20,11 +20,14 @@ from ..objective.normal_equations import LeastSquaresObjective
 from ..observation.image_set import ImageSet
 from ..optimize.fitter import Fit
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
-from .assessment import Assessment, Report
+from .assessment import Assessment, Report, inverse_covariance
 from .config import JointConfig
-from .estimate import Status
+from .estimate import LimbStatus, Status
 from .modality import Images, Modality, PeopleSeen, Persons
 from .motion.model import ExposureDelays
+
+_NO_WORSE, _AS_GOOD = 1.1, 0.01  # times, and beyond, its own best score, to which the first agrees with the second
+_TRACE = 1e-9  # of the largest entry of an information's diagonal
 
 
 class Fits(Protocol):
@@ -391,7 +394,12 @@ class SequentialEngine(AnyEngine):
         self._jumped = not lost and assessment is not None and assessment.jumped
         begin = start if lost else found.state
         self._second.observe(self._images, None if self._waiting else begin, self._delays)
+        prior = prior if lost else self._prior(found.state, prior)
         return _counted(self._second.fit(begin, first, prior), found.iterations, found.evaluations)
+
+    def _prior(self, found: State, prior: Prior | None) -> Prior | None:
+        """What the second begins with, besides where the first has found the body."""
+        return prior
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
         """Assess the fit of the second; the first knows whether the body was found far from where it was expected."""
@@ -451,6 +459,79 @@ class JointEngine(SequentialEngine):
         if self._lost or report.images is None:
             return report
         return replace(report, images=replace(report.images, gradient=None))
+
+
+class ScoredInformation(InformationOf, Protocol):
+    """A modality that also scores states by itself."""
+
+    def score_of(self, state: State) -> float:
+        """From 0, all is as it should be, to 1."""
+        ...
+
+
+class LedEngine(SequentialEngine):
+    """Two engines in one step: what the first one's images tell of the state is a prior of the second.
+
+    A body whose own picture is found is where that is, whatever around it looks like its outline: where the second leads away
+    from it, the first is alone, and the status is the better of both.
+
+    Parameters
+    ----------
+    first, second : as of `SequentialEngine`.
+    beside : the first one's modality.
+    """
+
+    def __init__(self, first: Engine, second: Engine, beside: ScoredInformation):
+        super().__init__(first, second)
+        self._beside = beside
+        self._found: tuple[State, Prior] | None = None  # where the first has the body, and what is known of it besides
+        self._alone = False
+
+    def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
+        """Fit by the first, then by the second with what the first knows."""
+        self._found, self._alone = None, False
+        fit = super().fit(start, first, prior)
+        if self._found is None:
+            return fit
+        found, known = self._found
+        self._alone = self._beside.score_of(fit.state) > _NO_WORSE * self._beside.score_of(found) + _AS_GOOD
+        if not self._alone:
+            return fit
+        H, g = np.zeros_like(fit.equations.H), np.zeros_like(fit.equations.g)
+        cost = known.add_to(H, g, known.mean)
+        return replace(fit, state=known.mean, equations=replace(fit.equations, H=H, g=g, cost=cost))
+
+    def _prior(self, found: State, prior: Prior | None) -> Prior:
+        """The prediction and the images of the first, as one normal distribution about where both have the body."""
+        correspondences, information = self._beside.information_at(found)
+        equations = correspondences.linearize(found)
+        H, g = information * equations.H, np.zeros_like(equations.g)
+        if prior is not None:
+            prior.add_to(H, g, found)
+        H[np.diag_indices_from(H)] += _TRACE * max(float(np.diag(H).max()), 1.0)
+        known = Prior(found.retract(-np.linalg.solve(H, g)), H)
+        self._found = found, known
+        return known
+
+    def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
+        """The better of both assessments."""
+        of_second = super().assess(fit, image_set)
+        of_first = None if self._lost else self._first.assess(replace(fit, jumped=self._jumped), image_set)
+        if of_first is None or of_first.status is not Status.TRACKING or of_second.status is Status.TRACKING:
+            return of_second
+        limbs = tuple(replace(limb, status=LimbStatus.TRACKING, reason="") for limb in of_second.limbs)
+        parts, dofs = of_second.part_weights, of_second.dof_weights
+        return replace(
+            of_second, status=Status.TRACKING, reason="", noise=False, limbs=limbs,
+            part_weights=None if parts is None else np.ones_like(parts), dof_weights=None if dofs is None else np.ones_like(dofs),
+        )  # fmt: skip
+
+    def report(self, fit: Fit, image_set: ImageSet) -> Report:
+        """Residuals of the second; where the first is alone, the covariance is that of what it knows."""
+        report = super().report(fit, image_set)
+        if not self._alone:
+            return report
+        return replace(report, covariance=inverse_covariance(fit.equations.H, 1.0), images=None, second_order=None)
 
 
 def _counted(fit: Fit, iterations: int, evaluations: int) -> Fit:

@@ -14,7 +14,7 @@ from ..render.occluders import Occluders
 from .chamfer.judge import ChamferJudge
 from .chamfer.modality import FINE, ChamferFitting, ChamferModality
 from .config import CHAMFER, COLOR_OVER_BACKGROUND, JOINT, KEYPOINTS, REGION, TEXTURE, ColorConfig, TrackerConfig
-from .engine import AnyEngine, Engine, JointEngine, SequentialEngine
+from .engine import AnyEngine, Engine, JointEngine, LedEngine, SequentialEngine
 from .keypoints.choice import PersonChoice
 from .keypoints.fitting import KeypointFitting
 from .keypoints.judge import KeypointJudge
@@ -68,6 +68,12 @@ def make_engine(
     if not config.contours:
         return colors
     contours = contour_engine(rig, model, config, backgrounds, workers, occluders, keypoints)
+    if config.is_joint and config.colors == TEXTURE:
+        from .color.texture import TextureModality
+
+        texture = colors.modalities[0]
+        assert isinstance(texture, TextureModality)
+        return LedEngine(colors, contours, texture)
     if JOINT in config.tags:
         from .color.modality import ColorModality
 
@@ -159,6 +165,6 @@ def _background_engine(
 def _texture_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, workers: Workers) -> Engine:
     from .color.texture import TextureJudge, TextureModality, TextureSolver
 
-    modality = TextureModality(rig, model, workers)
+    modality = TextureModality(rig, model, config.texture, workers)
     solver = TextureSolver(model, config.texture, modality)
     return Engine([modality], solver, TextureJudge(rig, config.texture, modality), False)

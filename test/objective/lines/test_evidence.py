@@ -45,7 +45,8 @@ def test_evidence_is_what_the_lines_say():
             assert evidence.found[i, shape] == (mine & told).sum()
             assert evidence.close[i, shape] == (mine & told & (np.abs(r) < CLOSE_PX)).sum()
             reach_px = options.half_length
-            filled = told & (lines[:, kernel.PRECISION] < 1.0) & (np.abs(r) >= CLOSE_PX) & (r < -0.6 * reach_px) & (lines[:, kernel.MEAN] > 0.6 * reach_px)
+            out = (r < -0.6 * reach_px) & (lines[:, kernel.MEAN] > 0.6 * reach_px)
+            filled = told & (lines[:, kernel.PRECISION] < 1.0) & (np.abs(r) >= CLOSE_PX) & out
             assert evidence.filled[i, shape] == (mine & filled).sum()
             used = mine & told
             chi2 = (r[used] ** 2 / (1.0 / lines[used, kernel.PRECISION] + model_variance)).sum()

@@ -10,6 +10,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...objective.constraints.prior import Prior
+from ...objective.normal_equations import LeastSquaresObjective, NormalEquations
 from ...objective.points.texture import TextureLevel, TextureObjective, TextureScore
 from ...observation.image_set import ImageSet
 from ...optimize.alignment import AlignmentOptions, align
@@ -35,6 +36,7 @@ class TextureModality(Modality):
     Parameters
     ----------
     rig, model : as for the `Tracker`.
+    config : what errors of gray levels are taken for.
     workers : threads that share states.
 
     Attributes
@@ -42,8 +44,8 @@ class TextureModality(Modality):
     objective : of the present images.
     """
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, workers: Workers):
-        self._n_cameras = len(rig)
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TextureConfig, workers: Workers):
+        self._n_cameras, self._config = len(rig), config
         self.objective = TextureObjective(model, rig, workers=workers)
         self._score: tuple[State, TextureScore] | None = None
 
@@ -69,6 +71,21 @@ class TextureModality(Modality):
         if self._score is None or self._score[0] is not state:
             self._score = state, self.objective.evaluate(state)
         return self._score[1]
+
+    def score_of(self, state: State) -> float:
+        """From 0, images show the textures as they are, to 1."""
+        return self.score(state).score
+
+    def variance(self, equations: NormalEquations) -> float:
+        """Gray levels squared of one color channel at the end of a fit, times how many neighboring points share one error."""
+        rms = float(np.sqrt(equations.cost / equations.count)) if equations.count else 0.0
+        return max(rms, self._config.residual_sigma) ** 2 * self._config.correlation
+
+    def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
+        """Points seen in ``state``, on the finest level, and their unit in units of information."""
+        level = self.objective.at_level(0)
+        return level, 1.0 / self.variance(level.linearize(state))
+
 
 class TextureSolver(Solver):
     """Alignment from coarse to fine, and a search where that has not led to the body (`Solver`).
@@ -153,11 +170,10 @@ class TextureJudge(Judge):
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
         """Residuals in gray levels of the textures."""
-        score, equations, config = self._modality.score(fit.state), fit.equations, self._config
+        score, equations = self._modality.score(fit.state), fit.equations
         cameras = camera_reports(self._rig, image_set, score.camera_rms, score.camera_points)
         rms = float(np.sqrt(equations.cost / equations.count)) if equations.count else 0.0
-        variance = max(rms, config.residual_sigma) ** 2 * config.correlation
-        return Report(cameras, rms, inverse_covariance(equations.H, variance))
+        return Report(cameras, rms, inverse_covariance(equations.H, self._modality.variance(equations)))
 
 
 def median_agreement(score: TextureScore) -> float:
