@@ -48,6 +48,8 @@ def test_evidence_is_what_the_lines_say():
             out = (r < -0.6 * reach_px) & (lines[:, kernel.MEAN] > 0.6 * reach_px)
             filled = told & (lines[:, kernel.PRECISION] < 1.0) & (np.abs(r) >= CLOSE_PX) & out
             assert evidence.filled[i, shape] == (mine & filled).sum()
+            empty = told & (np.abs(r) >= CLOSE_PX) & (r > 0.6 * reach_px) & (lines[:, kernel.MEAN] < -0.6 * reach_px)
+            assert evidence.empty[i, shape] == (mine & empty).sum()
             used = mine & told
             chi2 = (r[used] ** 2 / (1.0 / lines[used, kernel.PRECISION] + model_variance)).sum()
             np.testing.assert_allclose(evidence.chi2[i, shape], chi2, rtol=1e-9)

@@ -29,7 +29,7 @@ def evidence(close=0.85, **limbs) -> PartEvidence:
             expected[:, limb.shapes] = 0.0
         shares[limb.shapes] = share or 0.0
     close = expected * shares
-    return PartEvidence(expected, close, close, close, 14.0 * close, 0.0 * expected)
+    return PartEvidence(expected, close, close, close, 14.0 * close, 0.0 * expected, expected - close)
 
 
 def told(judge: LimbJudge, seen: PartEvidence, sets: int = 1, covariance=None) -> dict[str, LimbReport]:
@@ -57,6 +57,15 @@ def test_an_outline_over_the_limbs_own_colors_is_not_expected_up_to_half_of_it()
     half = limb_measures(replace(seen, filled=0.5 * seen.expected), shapes)
     np.testing.assert_allclose(half, 2.0 * plain)
     np.testing.assert_allclose(limb_measures(replace(seen, filled=seen.expected), shapes), half)
+
+
+def test_a_limb_whose_colors_go_on_beyond_its_outline_is_degraded_and_not_lost():
+    judge, seen = LimbJudge(MODEL, StatusConfig()), evidence(left_forearm=0.1)
+    told(judge, evidence(), 20)
+    reports = told(judge, replace(seen, empty=0.1 * seen.expected), 30)
+    assert statuses(reports) == {"left_forearm": LimbStatus.DEGRADED} and judge.lost == []
+    assert statuses(told(judge, seen, 3)) == {"left_forearm": LimbStatus.LOST}
+    assert statuses(told(judge, replace(seen, empty=0.1 * seen.expected), 3)) == {"left_forearm": LimbStatus.LOST}
 
 
 def judge_limb(name):
@@ -343,7 +352,7 @@ def table(*rows) -> np.ndarray:
 
 def parts(expected, close, ratio=None) -> PartEvidence:
     zero = np.zeros_like(expected)
-    return PartEvidence(expected, zero, close, zero, zero if ratio is None else ratio, zero)
+    return PartEvidence(expected, zero, close, zero, zero if ratio is None else ratio, zero, expected - close)
 
 
 def test_measures_of_a_limb_of_two_shapes_in_three_cameras():

@@ -48,7 +48,8 @@ class Felt:
         apart = np.linalg.norm(Configuration(MODEL, state).landmarks_world - self._truth, axis=1)
         shares = np.array([np.exp(-((apart[MODEL.landmark_links == link] / 0.1) ** 2)).mean() for link in MODEL.shape_links])
         expected = np.full((3, len(MODEL.shapes)), 30.0)
-        return PartEvidence(expected, expected, expected * shares, expected, 12.0 * expected * shares, 0.0 * expected)
+        close = expected * shares
+        return PartEvidence(expected, expected, close, expected, 12.0 * close, 0.0 * expected, expected - close)
 
     def gains(self, poses: Poses, shapes: np.ndarray) -> np.ndarray:
         """Hundred cells, in which colors agree the better the nearer the limb's landmarks are to where they belong."""

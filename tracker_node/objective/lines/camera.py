@@ -77,9 +77,9 @@ def sum_camera(lines, info, n, Ts_link, camera, options, sums):
 
 
 # Rows of the evidence of one camera
-EXPECTED, FOUND, CLOSE, CHI2, SUM_LOG_RATIO, FILLED = range(6)
-N_EVIDENCE = 6
-_FILLED = 0.6  # fraction of a line's reach, farther out than which its contour is where all of it has the body's colors...
+EXPECTED, FOUND, CLOSE, CHI2, SUM_LOG_RATIO, FILLED, EMPTY = range(7)
+N_EVIDENCE = 7
+_FAR = 0.6  # fraction of a line's reach, farther out than which its contour is where all of it has the body's colors, or none...
 _COMMON = 1.0  # px^-2: ...which are common beyond, too, where it is no more precise than that
 _UNSEEN_PX = 1e6  # residual of what the camera cannot see
 
@@ -134,5 +134,7 @@ def count_evidence(lines, info, n, residuals, model_variance, close_px, reach_px
             evidence[CHI2, shape] += residuals[j] ** 2 / (1.0 / precision + model_variance)
             if abs(residuals[j]) < close_px:
                 evidence[CLOSE, shape] += 1.0
-            elif precision < _COMMON and residuals[j] < -_FILLED * reach_px and lines[j, MEAN] > _FILLED * reach_px:
+            elif residuals[j] > _FAR * reach_px and lines[j, MEAN] < -_FAR * reach_px:
+                evidence[EMPTY, shape] += 1.0
+            elif precision < _COMMON and residuals[j] < -_FAR * reach_px and lines[j, MEAN] > _FAR * reach_px:
                 evidence[FILLED, shape] += 1.0

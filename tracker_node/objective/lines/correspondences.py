@@ -108,7 +108,8 @@ class PartEvidence:
     close : those of them whose contour is within ``close_px``.
     chi2 : summed squared residuals over their variance.
     log_ratio : summed log-likelihood ratio of a contour on the line against none.
-    filled : those of them that are not close, as the body's colors go on as far as the line looks.
+    filled : those of them that are not close, as the body's colors go on as far as the line looks, where they are common.
+    empty : those of them on which none of the body's colors are found, inside of it either.
     """
 
     expected: np.ndarray
@@ -117,6 +118,7 @@ class PartEvidence:
     chi2: np.ndarray
     log_ratio: np.ndarray
     filled: np.ndarray
+    empty: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

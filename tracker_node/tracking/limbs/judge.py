@@ -29,6 +29,8 @@ LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
 _LEAST_OF_PART = 15  # samples of a part's outline in all cameras, for it to be judged alone
 _LEAST = 1e-4  # probability that nothing is ever below
+_LEAST_EMPTY = 0.15  # of a limb's outline, that shows none of its colors, for it to be elsewhere...
+_UNTOLD = 0.49  # ...else this is the most that its probability of being lost becomes: nothing tells it from what is behind
 _MOST_FILLED = 0.5  # of the outline, on both sides of which the limb's colors may say nothing
 _NOISE = 0.2  # fraction of the outline that is found anywhere
 _BESIDE = 1.0  # log odds by outlines that count at most where there is other evidence
@@ -111,6 +113,7 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
+        self._shapes = [limb.shapes for limb in self.limbs]
         self._known_m = _KNOWN_OF_THING * _size(model)
         self.reset()
 
@@ -174,7 +177,8 @@ class LimbJudge:
         if others is None:
             others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
-        return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i])) for i in range(len(self.limbs)))
+        empty = [float(evidence.empty[:, s].sum() / max(evidence.expected[:, s].sum(), 1.0)) for s in self._shapes]
+        return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i]), empty[i]) for i in range(len(self.limbs)))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
         """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
@@ -225,7 +229,7 @@ class LimbJudge:
         paired = zip(self.limbs, self.probabilities, strict=True)
         return tuple(LimbReport(limb.name, LimbStatus.UNSEEN, "in no image", float(p)) for limb, p in paired)
 
-    def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float, others: float) -> LimbReport:
+    def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float, others: float, empty: float) -> LimbReport:
         config, limb, before = self._config, self.limbs[i], self.probabilities[i]
         p = before * (1.0 - config.limb_recovery) + (1.0 - before) * config.limb_loss
         elsewhere = _beyond(LOST_TIP_M, sigma_m)
@@ -245,6 +249,8 @@ class LimbJudge:
             outline = float(np.clip(outline, -_BESIDE, _BESIDE))
         odds = float(np.clip(outline + others, -config.evidence_limit, config.evidence_limit))
         p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
+        if i > 0 and not others and empty < _LEAST_EMPTY and p > before:
+            p = max(min(p, _UNTOLD), min(before, p))
         self.probabilities[i] = p
         if p < config.limb_degraded and measures is not None and self._confirmed[i]:
             assert self._levels is not None
