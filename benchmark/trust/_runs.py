@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmark.trust._clips import Recorded, truth_of
 from tracker_node.camera.rig import CameraRig
+from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.tracking.config import TrackerConfig
@@ -92,7 +93,7 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         body=recorded.body, name=clip.name, kind=clip.kind, limb=names.index(clip.limb) if clip.limb else -1,
         begins=clip.begins, ends=clip.ends,
         joint_errors=np.linalg.norm(found - truth, axis=-1),
-        tip_errors=np.array([_tip_errors(recorded, limbs, e.state, s) for e, s in zip(estimates, clip.states, strict=True)]),
+        tip_errors=np.array([tip_errors(model, limbs, e.state, s) for e, s in zip(estimates, clip.states, strict=True)]),
         status=np.array([int(e.status) for e in estimates]),
         limb_status=np.array([_limb_status(e, len(limbs)) for e in estimates]),
         limb_probability=np.array([_limb_probability(e, len(limbs)) for e in estimates]),
@@ -122,8 +123,9 @@ def _smoothed_covariance(belief: Belief | None, estimate: TrackEstimate) -> np.n
     return np.full_like(estimate.covariance, np.nan) if belief is None else smoothed_covariance(belief, estimate)
 
 
-def _tip_errors(recorded: Recorded, limbs: Sequence[Limb], state: State, truth: State) -> list[float]:
-    found, true = Configuration(recorded.model, state).Ts_world_link, Configuration(recorded.model, truth).Ts_world_link
+def tip_errors(model: ArticulatedModel, limbs: Sequence[Limb], state: State, truth: State) -> list[float]:
+    """How far the end of each limb is from the truth, meters."""
+    found, true = Configuration(model, state).Ts_world_link, Configuration(model, truth).Ts_world_link
     return [float(np.linalg.norm((found[b.end] - true[b.end]) @ np.append(b.tip, 1.0))) for b in limbs]
 
 

@@ -1,15 +1,24 @@
-"""Command lines and pictures of the programs whose clips are drawn by seed."""
+"""Command lines, runs and pictures of the programs whose clips are drawn by seed."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
 
+from benchmark.contour._runs import configured, print_circumstances
+from tracker_node.errors import TrackerError
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.tracking.config import TrackerConfig
+
+Run = TypeVar("Run")
+Figures = dict[str, float | int]
 
 
 def parser_of(doc: str, example: str, names: Iterable[str] = ()) -> argparse.ArgumentParser:
@@ -35,6 +44,32 @@ def add_pictures(parser: argparse.ArgumentParser) -> None:
 
 def seeds_of(args: argparse.Namespace) -> Iterable[int]:
     return args.seeds or range(1, 2 if args.quick else 6)
+
+
+def runs_of(
+    args: argparse.Namespace, names: Iterable[str], run: Callable[[str, int, Path | None], Iterable[Run]]
+) -> Iterator[tuple[str, list[Run]]]:
+    """Each kind of clip with its runs of all seeds; ``run``: of name, seed, and how its pictures' names begin."""
+    for name in names:
+        found: list[Run] = []
+        for seed in seeds_of(args):
+            for each in run(name, seed, args.pictures / f"{name}_{seed}" if args.pictures else None):
+                found.append(each)
+                print(f"{name}, seed {seed}: {each}", file=sys.stderr, flush=True)
+        yield name, found
+
+
+def reported(program: str, args: argparse.Namespace, measure: Callable[[TrackerConfig], Figures], **values: object) -> int:
+    """Measure with the parameters asked for, on top of ``values``, and report the figures; the exit status."""
+    cv2.setNumThreads(1)
+    try:
+        figures = measure(configured(args.changes, **values))
+    except TrackerError as error:
+        print(f"{program}: error: {error}", file=sys.stderr)
+        return 2
+    print_circumstances()
+    report_metrics(figures, args.json)
+    return 0
 
 
 def write_picture(one: ImageSet, path: Path) -> None:

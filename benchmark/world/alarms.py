@@ -23,11 +23,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark.contour._balancing_clip import load_clip
-from benchmark.contour._runs import configured, print_circumstances
 from benchmark.contour.box import sensed
 from benchmark.trust._clips import BODIES, SCENE
 from benchmark.trust._lost_events import placed
-from benchmark.world._arguments import add_pictures, parser_of, seeds_of, write_picture
+from benchmark.trust._runs import tip_errors
+from benchmark.world._arguments import Figures, add_pictures, parser_of, reported, runs_of, seeds_of, write_picture
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics import LOST_LIMB_M
@@ -35,7 +35,6 @@ from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.scenes.room import cluttered_background
 from tracker_node.synthesis.scenes.scene import make_rig
 from tracker_node.tracking.config import TrackerConfig
@@ -49,6 +48,7 @@ HIDDEN = range(20, 40)
 BAR_PX = 40  # wide, and as far apart
 SAMPLE, DECODED = Path("out/demo/sample"), Path("out/benchmark/balancing")
 CRATE_BGR = (96, 110, 122)
+COUNTED = ("right", "lost", "degraded", "sets", "body_lost", "wrong")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,17 +111,11 @@ def drawn(kind: str, body: str, seed: int) -> Scene:
     return Scene(rig, model, states, backgrounds, limb if kind == "hidden" else None)
 
 
-def tips(model: ArticulatedModel, limbs: tuple[Limb, ...], state: State) -> np.ndarray:
-    """(n_limbs, 3) where the limbs end, meters."""
-    T = Configuration(model, state).Ts_world_link
-    return np.array([T[limb.end, :3, :3] @ limb.tip + T[limb.end, :3, 3] for limb in limbs])
-
-
 def counted(scene: Scene, estimates: list[TrackEstimate]) -> dict[str, int]:
     """Limbs that are right, by what is said of them, and the same of bodies."""
-    limbs, found = limbs_of(scene.model), {"right": 0, "lost": 0, "degraded": 0, "sets": 0, "body_lost": 0, "wrong": 0}
+    limbs, found = limbs_of(scene.model), dict.fromkeys(COUNTED, 0)
     for number, (estimate, state) in enumerate(zip(estimates, scene.states, strict=True)):
-        off = np.linalg.norm(tips(scene.model, limbs, estimate.state) - tips(scene.model, limbs, state), axis=1)
+        off = np.array(tip_errors(scene.model, limbs, estimate.state, state))
         hidden = [scene.hidden is not None and number in HIDDEN and limb.name == scene.hidden.name for limb in limbs]
         right = off <= LOST_LIMB_M
         for i, report in enumerate(estimate.limbs):
@@ -145,15 +139,14 @@ def tracked(scene: Scene, config: TrackerConfig, show: Path | None = None) -> di
     return counted(scene, estimates)
 
 
-def demo(config: TrackerConfig) -> dict[str, int] | None:
-    """The same of the Balancing clip, none of whose limbs is lost; None where it is not installed."""
+def demo(config: TrackerConfig) -> Iterator[dict[str, int]]:
+    """The same of the Balancing clip, none of whose limbs is lost; nothing where it is not installed."""
     try:
         clip = load_clip(SAMPLE, DECODED)
     except TrackerError as error:
         print(f"demo: left out, {error}", file=sys.stderr)
-        return None
-    found = {"right": 0, "lost": 0, "degraded": 0, "sets": 0, "body_lost": 0, "wrong": 0}
-    tracker = Tracker(clip.rig, clip.model, config, None, clip.start)
+        return
+    found, tracker = dict.fromkeys(COUNTED, 0), Tracker(clip.rig, clip.model, config, None, clip.start)
     for one in clip.sets:
         estimate = tracker.step(one)
         found["sets"] += 1
@@ -161,7 +154,7 @@ def demo(config: TrackerConfig) -> dict[str, int] | None:
         found["right"] += len(estimate.limbs)
         found["lost"] += sum(limb.status is LimbStatus.LOST for limb in estimate.limbs)
         found["degraded"] += sum(limb.status is LimbStatus.DEGRADED for limb in estimate.limbs)
-    return found
+    yield found
 
 
 KINDS = ("plain", "bars", "hidden")
@@ -170,7 +163,7 @@ SCENES: dict[str, Callable[[int], Scene]] = {
 }
 
 
-def figures_of(name: str, runs: list[dict[str, int]]) -> dict[str, float | int]:
+def figures_of(name: str, runs: list[dict[str, int]]) -> Figures:
     sums = {key: sum(run[key] for run in runs) for key in runs[0]}
     right, sets = max(sums["right"], 1), max(sums["sets"], 1)
     return {
@@ -181,27 +174,23 @@ def figures_of(name: str, runs: list[dict[str, int]]) -> dict[str, float | int]:
 
 def main(arguments: list[str] | None = None) -> int:
     args = _arguments(arguments)
-    cv2.setNumThreads(1)
-    figures: dict[str, float | int] = {}
-    every: list[dict[str, int]] = []
-    try:
-        config = configured(args.changes)
-        for name in args.only or (*SCENES, "demo"):
-            runs = []
-            for seed in seeds_of(args) if name != "demo" else (0,):
-                shown = args.pictures / f"{name}_{seed}" if args.pictures else None
-                run = demo(config) if name == "demo" else tracked(SCENES[name](seed), config, shown)
-                if run is not None:
-                    runs.append(run)
-                    print(f"{name}, seed {seed}: {run}", file=sys.stderr, flush=True)
+
+    def measured(config: TrackerConfig) -> Figures:
+        figures: Figures = {}
+        every: list[dict[str, int]] = []
+
+        def run(name: str, seed: int, show: Path | None) -> Iterator[dict[str, int]]:
+            if name != "demo":
+                yield tracked(SCENES[name](seed), config, show)
+            elif seed == next(iter(seeds_of(args))):  # there is but one
+                yield from demo(config)
+
+        for name, runs in runs_of(args, args.only or (*SCENES, "demo"), run):
             figures |= figures_of(name, runs) if runs else {}
             every += runs
-    except TrackerError as error:
-        print(f"alarms: error: {error}", file=sys.stderr)
-        return 2
-    print_circumstances()
-    report_metrics(figures_of("alarms", every) | figures, args.json)
-    return 0
+        return figures_of("alarms", every) | figures
+
+    return reported("alarms", args, measured)
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:

@@ -18,14 +18,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmark.contour._runs import configured, print_circumstances
 from benchmark.contour.box import box_states, displaced, rig_around
-from benchmark.world._arguments import add_pictures, parser_of, seeds_of, write_picture
+from benchmark.world._arguments import Figures, add_pictures, parser_of, reported, runs_of, write_picture
 from benchmark.world.things import (
     FAST,
     SETS,
@@ -38,13 +36,11 @@ from benchmark.world.things import (
     moved,
     rigid,
     start_of,
-)  # fmt: skip
-from tracker_node.errors import TrackerError
-from tracker_node.model.articulated import ArticulatedModel, Shape
+)
+from tracker_node.model.articulated import Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.scenes.room import cluttered_background
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status, TrackEstimate
@@ -149,8 +145,8 @@ def counted(estimates: list[TrackEstimate], states: list[State], hidden: range =
     }  # fmt: skip
 
 
-def tracked(case: Case, config: TrackerConfig, model: ArticulatedModel, show: Path | None = None) -> dict[str, int]:
-    tracker, estimates = Tracker(case.scene.rig, model, config, None, case.start), []
+def tracked(case: Case, config: TrackerConfig, show: Path | None = None) -> dict[str, int]:
+    tracker, estimates = Tracker(case.scene.rig, case.scene.thing, config, None, case.start), []
     for number, one in enumerate(case.sets()):
         estimates.append(tracker.step(one))
         if show is not None and number in (0, len(case.scene.states) // 2):
@@ -158,7 +154,7 @@ def tracked(case: Case, config: TrackerConfig, model: ArticulatedModel, show: Pa
     return counted(estimates, case.scene.states, case.hidden)
 
 
-def figures_of(name: str, runs: list[dict[str, int]]) -> dict[str, float | int]:
+def figures_of(name: str, runs: list[dict[str, int]]) -> Figures:
     """Of all runs together: counts, and fractions of what is right and wrong."""
     sums = {key: sum(run[key] for run in runs) for key in runs[0]}
     found: dict[str, float | int] = {"sets": sums["right"] + sums["wrong"], "wrong": sums["wrong"], "turned": sums["turned"]}
@@ -170,26 +166,21 @@ def figures_of(name: str, runs: list[dict[str, int]]) -> dict[str, float | int]:
 
 def main(arguments: list[str] | None = None) -> int:
     args = _arguments(arguments)
-    cv2.setNumThreads(1)
-    figures: dict[str, float | int] = {}
-    every: list[dict[str, int]] = []
-    try:
-        config = configured(args.changes)
-        for name in args.only or CASES:
-            runs = []
-            for seed in seeds_of(args):
-                for number, case in enumerate(CASES[name](seed)):
-                    shown = args.pictures / f"{name}_{seed}_{number}" if args.pictures else None
-                    runs.append(tracked(case, config, case.scene.thing, shown))
-                    print(f"{name}, seed {seed}: {runs[-1]}", file=sys.stderr, flush=True)
+
+    def measured(config: TrackerConfig) -> Figures:
+        figures: Figures = {}
+        every: list[dict[str, int]] = []
+
+        def run(name: str, seed: int, show: Path | None) -> Iterator[dict[str, int]]:
+            for number, case in enumerate(CASES[name](seed)):
+                yield tracked(case, config, show and Path(f"{show}_{number}"))
+
+        for name, runs in runs_of(args, args.only or CASES, run):
             figures |= figures_of(name, runs)
             every += runs
-    except TrackerError as error:
-        print(f"ambiguity: error: {error}", file=sys.stderr)
-        return 2
-    print_circumstances()
-    report_metrics(figures_of("ambiguity", every) | figures, args.json)
-    return 0
+        return figures_of("ambiguity", every) | figures
+
+    return reported("ambiguity", args, measured)
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:

@@ -17,20 +17,17 @@ import sys
 import time
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark._reference import reference_ms
-from benchmark.contour._runs import RATE_HZ, WARM_UP, configured, print_circumstances
+from benchmark.contour._runs import RATE_HZ, WARM_UP
 from benchmark.contour.box import displaced, image_sets, rig_around
-from benchmark.world._arguments import add_pictures, parser_of, seeds_of, write_picture
-from tracker_node.errors import TrackerError
+from benchmark.world._arguments import Figures, add_pictures, parser_of, reported, seeds_of, write_picture
 from tracker_node.loaders.model.urdf import load_urdf
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
@@ -110,26 +107,22 @@ def run(path: Path, seed: int, config: TrackerConfig, show: Path | None = None) 
 
 def main(arguments: list[str] | None = None) -> int:
     args = _arguments(arguments)
-    cv2.setNumThreads(1)
     path = args.urdf or panda_urdf()
     if path is None:
         print("robots: no Panda: install example-robot-data, or give --urdf FILE", file=sys.stderr)
         return 2
-    runs, times = [], []
-    try:
-        config = configured(args.changes, motion__base="fixed")
+
+    def measured(config: TrackerConfig) -> Figures:
+        runs, times = [], []
         for seed in seeds_of(args):
             found, ms = run(path, seed, config, args.pictures)
             runs.append(found)
             times.append(ms[WARM_UP:])
             summary = {key: float(np.median(value)) for key, value in found.items()}
             print(f"panda, seed {seed}: {summary}, lost {int(found['lost'].sum())}", file=sys.stderr, flush=True)
-    except TrackerError as error:
-        print(f"robots: error: {error}", file=sys.stderr)
-        return 2
-    print_circumstances()
-    report_metrics(figures(runs, np.concatenate(times)), args.json)
-    return 0
+        return figures(runs, np.concatenate(times))
+
+    return reported("robots", args, measured, motion__base="fixed")
 
 
 def figures(runs: list[dict[str, np.ndarray]], times_ms: np.ndarray) -> dict[str, float | int]:

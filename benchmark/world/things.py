@@ -23,20 +23,17 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmark.contour._runs import configured, print_circumstances
 from benchmark.contour.box import box_states, displaced, rig_around, sensed
-from benchmark.world._arguments import add_pictures, parser_of, seeds_of, write_picture
+from benchmark.world._arguments import Figures, add_pictures, parser_of, reported, runs_of, write_picture
 from benchmark.world._shapes import horned, knot
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
-from tracker_node.errors import TrackerError
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import BOX_FACES, Box
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.scenes.room import cluttered_background
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status, TrackEstimate
@@ -196,28 +193,23 @@ def tracked(scene: Scene, seed: int, config: TrackerConfig, show: Path | None = 
 
 def main(arguments: list[str] | None = None) -> int:
     args = _arguments(arguments)
-    cv2.setNumThreads(1)
-    figures: dict[str, float | int] = {}
-    of_all: dict[str, list[float]] = {}  # fractions of every run
-    try:
-        config = configured(args.changes)
-        for name in args.only or SCENES:
-            runs = []
-            for seed in seeds_of(args):
-                shown = args.pictures / f"{name}_{seed}" if args.pictures else None
-                runs.append(tracked(SCENES[name](seed), seed, config, shown))
-                print(f"{name}, seed {seed}: {runs[-1]}", file=sys.stderr, flush=True)
+
+    def measured(config: TrackerConfig) -> Figures:
+        figures: Figures = {}
+        of_all: dict[str, list[float]] = {}  # fractions of every run
+
+        def run(name: str, seed: int, show: Path | None) -> Iterator[dict[str, float | int]]:
+            yield tracked(SCENES[name](seed), seed, config, show)
+
+        for name, runs in runs_of(args, args.only or SCENES, run):
             figures |= summed(name, runs)
             for whole, key in (("moved_room", "right"), ("mesh_concave", "tracked")):
                 if name.startswith(whole):
-                    of_all[whole] = [*of_all.get(whole, []), *(run[key] / run["sets"] for run in runs)]
+                    of_all[whole] = [*of_all.get(whole, []), *(each[key] / each["sets"] for each in runs)]
                     figures[f"{whole}.{key}"] = float(np.mean(of_all[whole]))
-    except TrackerError as error:
-        print(f"things: error: {error}", file=sys.stderr)
-        return 2
-    print_circumstances()
-    report_metrics(figures, args.json)
-    return 0
+        return figures
+
+    return reported("things", args, measured)
 
 
 def summed(name: str, runs: list[dict[str, float | int]]) -> dict[str, float | int]:

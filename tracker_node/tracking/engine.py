@@ -461,8 +461,12 @@ class JointEngine(SequentialEngine):
         return replace(report, images=replace(report.images, gradient=None))
 
 
-class ScoredInformation(InformationOf, Protocol):
-    """A modality that also scores states by itself."""
+class Scored(Protocol):
+    """A modality in gray levels that says what they tell of a state, and scores states by itself."""
+
+    def information_of(self, state: State) -> np.ndarray:
+        """(n_dof, n_dof) inverse covariance of a state that was fitted to the present images."""
+        ...
 
     def score_of(self, state: State) -> float:
         """From 0, all is as it should be, to 1."""
@@ -481,19 +485,19 @@ class LedEngine(SequentialEngine):
     beside : the first one's modality.
     """
 
-    def __init__(self, first: Engine, second: Engine, beside: ScoredInformation):
+    def __init__(self, first: Engine, second: Engine, beside: Scored):
         super().__init__(first, second)
         self._beside = beside
-        self._found: tuple[State, Prior] | None = None  # where the first has the body, and what is known of it besides
+        self._known: tuple[State, Prior] | None = None  # where the first has the body, and what is known of it besides
         self._alone = False
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit by the first, then by the second with what the first knows."""
-        self._found, self._alone = None, False
+        self._known, self._alone = None, False
         fit = super().fit(start, first, prior)
-        if self._found is None:
+        if self._known is None:
             return fit
-        found, known = self._found
+        found, known = self._known
         self._alone = self._beside.score_of(fit.state) > _NO_WORSE * self._beside.score_of(found) + _AS_GOOD
         if not self._alone:
             return fit
@@ -503,14 +507,13 @@ class LedEngine(SequentialEngine):
 
     def _prior(self, found: State, prior: Prior | None) -> Prior:
         """The prediction and the images of the first, as one normal distribution about where both have the body."""
-        correspondences, information = self._beside.information_at(found)
-        equations = correspondences.linearize(found)
-        H, g = information * equations.H, np.zeros_like(equations.g)
+        H = self._beside.information_of(found)
+        g = np.zeros(len(H))
         if prior is not None:
             prior.add_to(H, g, found)
         H[np.diag_indices_from(H)] += _TRACE * max(float(np.diag(H).max()), 1.0)
         known = Prior(found.retract(-np.linalg.solve(H, g)), H)
-        self._found = found, known
+        self._known = found, known
         return known
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:

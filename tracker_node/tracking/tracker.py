@@ -286,8 +286,8 @@ class Tracker:
         finished = time.perf_counter()
         report = engine.report(fit, image_set)
         evidence = report.images if information is not None else None
-        if evidence is not None and self._symmetry.has_spins:
-            for spin in self._symmetry.spins(Configuration(self.model, fit.state)):
+        if evidence is not None:
+            for spin in self._spins(fit.state):
                 evidence = evidence.without(spin)
         covariance, second_order = self._covariance(report, fit.state, prior, information, evidence, assessment)
         if KEYPOINTS in self.config.modalities:
@@ -351,6 +351,10 @@ class Tracker:
     def _symmetry(self) -> Symmetry:
         """How the body may be turned without looking otherwise."""
         return symmetry_of(self.model, any(name not in GEOMETRIC for name in self.config.modalities))
+
+    def _spins(self, state: State) -> list[np.ndarray]:
+        """Tangents (n_dof,) along which no image tells how the body is turned."""
+        return self._symmetry.spins(Configuration(self.model, state)) if self._symmetry.has_spins else []
 
     def _turned_otherwise(self, sigma_rad: float) -> str:
         """Why the body may be turned otherwise, if its turn was known to ``sigma_rad`` when it was found; else "" """
@@ -500,9 +504,8 @@ class Tracker:
         if prior is not None:
             prior.add_to(H, g, fit.state)
         information, weights = fit.equations.H - H, assessment.dof_weights
-        if self._symmetry.has_spins:
-            for spin in self._symmetry.spins(Configuration(self.model, fit.state)):
-                information = without_direction(information, spin)
+        for spin in self._spins(fit.state):
+            information = without_direction(information, spin)
         return information if weights is None else weights[:, None] * information * weights
 
     def _covariance(

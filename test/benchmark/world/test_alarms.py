@@ -32,7 +32,7 @@ def test_a_crate_covers_the_last_part_of_the_limb_and_is_there_while_it_is_hidde
     scene = alarms.drawn("hidden", "figure", 3)
     body = Configuration(scene.model, scene.states[alarms.HIDDEN[0]])
     corners = alarms._corners(body, scene.hidden)
-    end = alarms.tips(scene.model, (scene.hidden,), scene.states[alarms.HIDDEN[0]])[0]
+    end = (body.Ts_world_link[scene.hidden.end] @ np.append(scene.hidden.tip, 1.0))[:3]
     assert (corners.min(axis=0) < end).all() and (end < corners.max(axis=0)).all()
     for number, one in enumerate(scene.sets()):
         if number >= alarms.HIDDEN[0] - 1:

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -130,6 +132,20 @@ def test_a_link_named_twice_is_said_to_be(model_path):
     model_path.write_text(MODEL.replace("[base, upper, fore]", "[base, upper, fore, upper, fore]"))
     with pytest.raises(FileFormatError, match=r"'links': expected each link once, got \['fore', 'upper'\]"):
         load_model(model_path)
+
+
+def test_turns_do_not_matter_of_a_thing_only(model_path, tmp_path):
+    model_path.write_text(MODEL + "symmetric: true\n")
+    with pytest.raises(FileFormatError, match=r"'symmetric': expected false of a body with joints.*got \['elbow', 'shoulder'\]"):
+        load_model(model_path)
+    thing = ArticulatedModel("t", KinematicChain(("t",), ()), (Shape("b", "t", Box((0.1, 0.2, 0.3))),), symmetric=True)
+    dump_model(thing, tmp_path / "t.yaml")
+    assert load_model(tmp_path / "t.yaml").symmetric and not load_model(_written(tmp_path, MODEL)).symmetric
+
+
+def _written(folder: Path, text: str) -> Path:
+    (folder / "other.yaml").write_text(text)
+    return folder / "other.yaml"
 
 
 def test_a_cycle_is_spelled_out(model_path):

@@ -35,7 +35,7 @@ def test_a_camera_that_shows_nothing_is_named_and_left_out_from_the_third_set_on
     cameras = followed()
     went_on(cameras, striped(), 0.1, 2)
     assert cameras.blind == [1] and cameras.left_out == [] and cameras.faults == ()
-    went_on(cameras, striped(), 0.1, 1)
+    went_on(cameras, striped(), 0.1, 3)
     (fault,) = cameras.faults
     assert (fault.camera, fault.kind, fault.since_ns) == ("b", BLIND, N_BEFORE)
     assert "b shows nothing of the body" in fault.text and "(10 % of what is usual)" in fault.text
@@ -53,6 +53,13 @@ def test_a_camera_that_is_left_out_is_looked_at_again_and_comes_back():
     assert 0 < without < 50
     cameras.look(100, [striped()] * 3, USUAL)
     assert cameras.faults == () and cameras.blind == []
+
+
+def test_sets_that_are_gone_through_again_do_not_count_twice():
+    cameras = followed()
+    for _ in range(3):
+        went_on(cameras, striped(), 0.1, 2)
+    assert cameras.blind == [1] and cameras.faults == () and cameras.left_out == []
 
 
 @pytest.mark.parametrize(("picture", "kind"), [(striped(contrast=8.0), DEFOCUSED), (striped(noise=25.0), NOISY)])

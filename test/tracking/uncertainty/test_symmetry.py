@@ -54,6 +54,19 @@ def test_turns_are_those_of_the_shape_and_its_colors(shapes, degrees):
     assert np.degrees(symmetry_of(rigid(*shapes)).turns).round().tolist() == degrees
 
 
+def test_links_that_are_welded_are_one_thing():
+    T = se3.from_rotation_translation(so3.exp(np.array([0.0, 0.6, 0.0])), np.array([0.1, 0.0, 0.2]))
+    chain = KinematicChain(("base", "head"), (Joint("weld", "base", "head", T),))
+    neck = TruncatedCone(0.02, 0.02, 0.0, 0.1, 0.2)
+    bottle = ArticulatedModel("m", chain, (shape(CYLINDER, link="head"), shape(neck, link="head")))
+    symmetry = symmetry_of(bottle)
+    assert symmetry.axis is not None and abs(symmetry.axis[1] @ T[:3, 2]) > 0.999
+    across = np.cross(symmetry.axis[0] - T[:3, 3], T[:3, 2])
+    assert np.linalg.norm(across) < 2e-3  # of a sample's mean
+    handled = ArticulatedModel("m", chain, (*bottle.shapes, shape(Box((0.04, 0.01, 0.06)), at(x=0.07, z=0.03), link="head")))
+    assert symmetry_of(handled).turns == ()
+
+
 def test_colors_of_faces_count_where_they_are_compared():
     faces = np.array([RED, GREEN, RED, RED, RED, RED], dtype=np.float64)
     box = rigid(shape(Box((0.2, 0.13, 0.08), face_colors_rgb=faces)))

@@ -252,6 +252,9 @@ class ModelFile(FileModel):
                     raise problem(f"a link, one of {sorted(self.links)}", link, f"{kind}.{field}")
         self._check_tree()
         self._check_axis_names()
+        moving = sorted(name for name, joint in self.joints.items() if joint.axes)
+        if self.symmetric and moving:
+            raise problem("false of a body with joints: only things may be found in another turn", moving, "symmetric")
         return self
 
     def _check_tree(self) -> None:

@@ -10,6 +10,7 @@ their median rises with noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,12 +29,12 @@ _NAMED_SETS = 3  # in a row, from which on a camera is named, and left out if it
 _AGAIN_SETS = 10  # ...but for one set of so many, in which it may show the body again
 
 
-class Picture:
+class _Picture:
     """How sharp and how noisy the images of one camera are, gray levels: of this one, and usually."""
 
     def __init__(self) -> None:
         self.now: np.ndarray | None = None
-        self.usual: np.ndarray | None = None
+        self._usual = np.zeros(2)
 
     def look(self, image: np.ndarray) -> None:
         """Take in an (h, w, 3) image."""
@@ -44,26 +45,57 @@ class Picture:
         noise = float(second[int(0.4 * n) : int(0.6 * n)].mean())
         edges = float(second[int(_SHARPEST * n) :].mean())
         sharpness = np.sqrt(max(edges**2 - (_NOISE_OF_EDGES * noise) ** 2, 0.0))
-        self.now = np.array([sharpness, noise])
-        if self.usual is None:
-            self.usual = self.now
+        first, self.now = self.now is None, np.array([sharpness, noise])
+        if first:
+            self._usual = self.now
 
     def learn(self) -> None:
         """This image is as it should be."""
-        if self.now is not None and self.usual is not None:
-            self.usual = self.usual + _RATE * (self.now - self.usual)
+        if self.now is not None:
+            self._usual = self._usual + _RATE * (self.now - self._usual)
 
     @property
-    def sharpness(self) -> float:
-        """In shares of what is usual."""
-        return 1.0 if self.now is None or self.usual is None else float(self.now[0] / max(self.usual[0], 1.0))
+    def is_blurred(self) -> bool:
+        """Whether it is far less sharp than usual."""
+        return self.now is not None and bool(self.now[0] < _BLURRED * max(self._usual[0], 1.0))
 
     @property
     def is_noisy(self) -> bool:
         """Whether there is far more noise than usual."""
-        if self.now is None or self.usual is None:
-            return False
-        return bool(self.now[1] > _NOISIER * self.usual[1] + _NOISE_LEVELS)
+        return self.now is not None and bool(self.now[1] > _NOISIER * self._usual[1] + _NOISE_LEVELS)
+
+
+@dataclass(eq=False)
+class _View:
+    """What one camera shows: its ``usual`` support, nan at first; what is the matter with it, for how many sets, since when, and
+    its last share of what is usual."""
+
+    usual: float = np.nan
+    picture: _Picture = field(default_factory=_Picture)
+    kind: str | None = None
+    sets: int = 0
+    since_ns: int = 0
+    share: float = np.nan
+
+    def take(self, kind: str | None, stamp_ns: int, support: float, share: float) -> None:
+        """Take in one set, of which it is known what is the matter."""
+        if kind is None:
+            self.sets = 0
+            self.usual = support if np.isnan(self.usual) else (1.0 - _RATE) * self.usual + _RATE * support
+            self.picture.learn()
+        else:
+            if self.kind is None:
+                self.since_ns = stamp_ns
+            self.sets += 1
+        self.kind, self.share = kind, share
+
+    @property
+    def is_named(self) -> bool:
+        return self.kind is not None and self.sets >= _NAMED_SETS
+
+    @property
+    def is_left_out(self) -> bool:
+        return self.kind == BLIND and self.is_named and self.sets % _AGAIN_SETS > 0
 
 
 class BlindedCameras:
@@ -84,25 +116,21 @@ class BlindedCameras:
 
     def reset(self) -> None:
         """Nothing is usual."""
-        n = len(self._names)
-        self._usual, self._pictures, self._turn = np.full(n, np.nan), [Picture() for _ in range(n)], 0
-        self._kinds: list[str | None] = [None] * n
-        self._sets, self._since_ns, self._shares = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.full(n, np.nan)
+        self._views, self._turn, self._latest_ns = [_View() for _ in self._names], 0, -(2**62)
         self.faults: tuple[CameraFault, ...] = ()
 
     @property
     def blind(self) -> list[int]:
         """Indices of the cameras from whose images nothing of the body is to be learned."""
-        return [i for i, kind in enumerate(self._kinds) if kind is not None]
+        return [i for i, view in enumerate(self._views) if view.kind is not None]
 
     @property
     def left_out(self) -> list[int]:
         """Indices of the cameras whose images the next set is to be without."""
-        return [i for i, kind in enumerate(self._kinds)
-                if kind == BLIND and self._sets[i] >= _NAMED_SETS and self._sets[i] % _AGAIN_SETS]  # fmt: skip
+        return [i for i, view in enumerate(self._views) if view.is_left_out]
 
     def look(self, stamp_ns: int, images: Sequence[np.ndarray | None], support: np.ndarray) -> None:
-        """Take in one set, in which the body is where the state says.
+        """Take in one set, in which the body is where the state says; one that is gone through again counts no more.
 
         Parameters
         ----------
@@ -110,64 +138,58 @@ class BlindedCameras:
         images : pixels per camera of the rig, None where the set has none.
         support : (n_cameras,) log-likelihood ratio per sample of the outline; nan where a camera should not see any.
         """
+        if stamp_ns <= self._latest_ns:
+            return
+        self._latest_ns = stamp_ns
         self._look_at_pictures(images)
-        left_out = self.left_out
-        for i, share in enumerate(self._shares_of_usual(support)):
-            if i in left_out:
-                self._sets[i] += 1
+        usual = np.array([view.usual for view in self._views])
+        for i, share in enumerate(_shares_of_usual(support, usual)):
+            view = self._views[i]
+            if view.is_left_out:
+                view.sets += 1
             elif not np.isnan(share):
-                self._judge(i, stamp_ns, support, float(share))
+                kind = BLIND if _is_by_chance(i, support, usual) else _kind(view.picture, share)
+                view.take(kind, stamp_ns, float(support[i]), float(share))
         self.faults = tuple(
-            CameraFault(self._names[i], kind, float(self._shares[i]), 0.0, int(self._since_ns[i]))
-            for i, kind in enumerate(self._kinds) if kind is not None and self._sets[i] >= _NAMED_SETS
+            CameraFault(name, view.kind, view.share, 0.0, view.since_ns)
+            for name, view in zip(self._names, self._views, strict=True) if view.kind is not None and view.is_named
         )  # fmt: skip
-
-    def _judge(self, i: int, stamp_ns: int, support: np.ndarray, share: float) -> None:
-        """Take in what a camera supports in one set."""
-        kind = BLIND if self._is_by_chance(i, support) else self._kind(i, share)
-        if kind is None:
-            self._sets[i] = 0
-            self._usual[i] = support[i] if np.isnan(self._usual[i]) else (1.0 - _RATE) * self._usual[i] + _RATE * support[i]
-            self._pictures[i].learn()
-        else:
-            if self._kinds[i] is None:
-                self._since_ns[i] = stamp_ns
-            self._sets[i] += 1
-        self._kinds[i], self._shares[i] = kind, share
 
     def _look_at_pictures(self, images: Sequence[np.ndarray | None]) -> None:
         """One camera a set, in turn, and those that something is the matter with: it costs as much as a good line."""
         self._turn = (self._turn + 1) % len(images)
-        for i, image in enumerate(images):
-            if image is not None and (i == self._turn or self._kinds[i] is not None or self._pictures[i].now is None):
-                self._pictures[i].look(image)
+        for i, (image, view) in enumerate(zip(images, self._views, strict=True)):
+            if image is not None and (i == self._turn or view.kind is not None or view.picture.now is None):
+                view.picture.look(image)
 
-    def _shares_of_usual(self, support: np.ndarray) -> np.ndarray:
-        """(n_cameras,) of what is usual of a camera, in shares of what the others have; nan where nothing is to be said."""
-        usual = self._usual.copy()
-        told, typical = ~np.isnan(support), _median(usual)
-        usual[np.isnan(usual)] = _median(support) if np.isnan(typical) else typical  # of one that is new the others say it
-        shares = np.full(len(support), np.nan)
-        for i in np.flatnonzero(told):
-            others = told.copy()
-            others[i] = False
-            if not others.any() or np.median(support[others]) < _LEAST_SUPPORT:
-                continue
-            shares[i] = support[i] / usual[i] / np.median(support[others] / usual[others])
-        return shares
 
-    def _is_by_chance(self, i: int, support: np.ndarray) -> bool:
-        """Whether a camera that has never proved itself finds hardly more than chance would, of what the others do see."""
-        others = _median(np.delete(support, i))
-        proved = self._usual[i] >= _PROVED * _median(np.delete(self._usual, i))
-        return bool(not proved and others > 2.0 * _CHANCE and support[i] < max(_CHANCE, _BLIND * others))
+def _shares_of_usual(support: np.ndarray, usual: np.ndarray) -> np.ndarray:
+    """(n_cameras,) of what is usual of a camera, in shares of what the others have; nan where nothing is to be said."""
+    told, typical = ~np.isnan(support), _median(usual)
+    usual = np.where(np.isnan(usual), _median(support) if np.isnan(typical) else typical, usual)  # a new one's by the others
+    shares = np.full(len(support), np.nan)
+    for i in np.flatnonzero(told):
+        others = told.copy()
+        others[i] = False
+        if not others.any() or np.median(support[others]) < _LEAST_SUPPORT:
+            continue
+        shares[i] = support[i] / usual[i] / np.median(support[others] / usual[others])
+    return shares
 
-    def _kind(self, i: int, share: float) -> str | None:
-        if share < _BLIND:
-            return BLIND
-        if share < _WEAK and self._pictures[i].is_noisy:
-            return NOISY
-        return DEFOCUSED if share < _WEAK and self._pictures[i].sharpness < _BLURRED else None
+
+def _is_by_chance(i: int, support: np.ndarray, usual: np.ndarray) -> bool:
+    """Whether a camera that has never proved itself finds hardly more than chance would, of what the others do see."""
+    others = _median(np.delete(support, i))
+    proved = usual[i] >= _PROVED * _median(np.delete(usual, i))
+    return bool(not proved and others > 2.0 * _CHANCE and support[i] < max(_CHANCE, _BLIND * others))
+
+
+def _kind(picture: _Picture, share: float) -> str | None:
+    if share < _BLIND:
+        return BLIND
+    if share < _WEAK and picture.is_noisy:
+        return NOISY
+    return DEFOCUSED if share < _WEAK and picture.is_blurred else None
 
 
 def _median(values: np.ndarray) -> float:

@@ -10,7 +10,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...objective.constraints.prior import Prior
-from ...objective.normal_equations import LeastSquaresObjective, NormalEquations
+from ...objective.normal_equations import NormalEquations
 from ...objective.points.texture import TextureLevel, TextureObjective, TextureScore
 from ...observation.image_set import ImageSet
 from ...optimize.alignment import AlignmentOptions, align
@@ -76,15 +76,15 @@ class TextureModality(Modality):
         """From 0, images show the textures as they are, to 1."""
         return self.score(state).score
 
+    def information_of(self, state: State) -> np.ndarray:
+        """(n_dof, n_dof) inverse covariance of a state by the points seen in it, on the finest level."""
+        equations = self.objective.at_level(0).linearize(state)
+        return (1.0 / self.variance(equations)) * equations.H
+
     def variance(self, equations: NormalEquations) -> float:
         """Gray levels squared of one color channel at the end of a fit, times how many neighboring points share one error."""
         rms = float(np.sqrt(equations.cost / equations.count)) if equations.count else 0.0
         return max(rms, self._config.residual_sigma) ** 2 * self._config.correlation
-
-    def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
-        """Points seen in ``state``, on the finest level, and their unit in units of information."""
-        level = self.objective.at_level(0)
-        return level, 1.0 / self.variance(level.linearize(state))
 
 
 class TextureSolver(Solver):

@@ -19,11 +19,9 @@ from ...geometry import so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...objective.lines.correspondences import PartEvidence
-from ...render.contour.generators import world_spheres
-from ...render.shape_arrays import bounding_spheres
 from ..config import StatusConfig
 from ..estimate import LimbReport, LimbStatus, Status
-from .tree import Limb, limbs_of
+from .tree import Limb, limbs_of, neutral_spheres
 
 LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
@@ -113,7 +111,6 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
-        self._shapes = [limb.shapes for limb in self.limbs]
         self._known_m = _KNOWN_OF_THING * _size(model)
         self.reset()
 
@@ -177,7 +174,8 @@ class LimbJudge:
         if others is None:
             others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
-        empty = [float(evidence.empty[:, s].sum() / max(evidence.expected[:, s].sum(), 1.0)) for s in self._shapes]
+        shapes = [limb.shapes for limb in self.limbs]
+        empty = [float(evidence.empty[:, s].sum() / max(evidence.expected[:, s].sum(), 1.0)) for s in shapes]
         return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i]), empty[i]) for i in range(len(self.limbs)))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
@@ -250,7 +248,7 @@ class LimbJudge:
         odds = float(np.clip(outline + others, -config.evidence_limit, config.evidence_limit))
         p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
         if i > 0 and not others and empty < _LEAST_EMPTY and p > before:
-            p = max(min(p, _UNTOLD), min(before, p))
+            p = max(min(p, _UNTOLD), before)
         self.probabilities[i] = p
         if p < config.limb_degraded and measures is not None and self._confirmed[i]:
             assert self._levels is not None
@@ -368,9 +366,7 @@ class LimbJudge:
 
 def _size(model: ArticulatedModel) -> float:
     """Twice how far a body of one link reaches from the middle of its shapes, meters."""
-    bounds = bounding_spheres(model)
-    spheres = np.empty_like(bounds)
-    world_spheres(Configuration(model, State.neutral(model)).Ts_world_shape, bounds, spheres)
+    spheres = neutral_spheres(model)
     middle = spheres[:, :3].mean(axis=0)
     return 2.0 * float((np.linalg.norm(spheres[:, :3] - middle, axis=1) + spheres[:, 3]).max())
 

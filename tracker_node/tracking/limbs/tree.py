@@ -72,11 +72,17 @@ def _branches(model: ArticulatedModel) -> list[list[int]]:
     return [links for _, links in sorted(ends)]
 
 
-def _small(model: ArticulatedModel, stretches: list[_Stretch]) -> set[int]:
-    """Indices of the ends whose shapes are, together, less than a tenth as large as those of the whole neutral body."""
+def neutral_spheres(model: ArticulatedModel) -> np.ndarray:
+    """(n_shapes, 4) bounding spheres of the shapes of the neutral body, world: middle and radius, meters."""
     bounds = bounding_spheres(model)
     spheres = np.empty_like(bounds)
     world_spheres(Configuration(model, State.neutral(model)).Ts_world_shape, bounds, spheres)
+    return spheres
+
+
+def _small(model: ArticulatedModel, stretches: list[_Stretch]) -> set[int]:
+    """Indices of the ends whose shapes are, together, less than a tenth as large as those of the whole neutral body."""
+    spheres = neutral_spheres(model)
 
     def size(some: np.ndarray) -> float:
         low, high = spheres[some, :3] - spheres[some, 3:], spheres[some, :3] + spheres[some, 3:]

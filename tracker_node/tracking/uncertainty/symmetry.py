@@ -20,7 +20,7 @@ from ...model.articulated import ArticulatedModel, Shape
 from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...model.shapes.primitives import Mesh
-from ...render.opengl.tessellation import tessellate
+from ...render.opengl.tessellation import Patch, tessellate
 
 ANGLES = tuple(np.radians([35.0, 60.0, 72.0, 90.0, 120.0, 180.0]))  # the first: of bodies of revolution
 _POINTS = 1500
@@ -36,7 +36,7 @@ class Symmetry:
 
     Attributes
     ----------
-    turns : angles about some axis of a body of one link, radians, from small to large; 35 degrees stand for any.
+    turns : angles about some axis of a body without joints, radians, from small to large; 35 degrees stand for any.
     axis : (2, 3) a point of the axis about which any turn of the whole body will do, meters in the frame of the root link, and
         its direction; None.
     dofs : indices of the joint axes that turn the end of a limb about its axis of revolution.
@@ -72,12 +72,12 @@ def symmetry_of(model: ArticulatedModel, by_texture: bool = False) -> Symmetry:
 
     Returns
     -------
-    ``turns`` and ``axis`` of a body of one link, ``dofs`` of others.
+    ``turns`` and ``axis`` of a body without joints, ``dofs`` of others.
     """
     if model.n_dof > N_ROOT_DOF:
         return Symmetry(dofs=tuple(_rolls(model, by_texture)))
     whole = _Surface.of(model, range(len(model.shapes)), by_texture)
-    if whole is None or len(model.chain.links) > 1:
+    if whole is None:
         return Symmetry()
     tried = ((angle, axis) for axis in _axes(model, whole.points) for angle in ANGLES)
     found = [(angle, axis) for angle, axis in tried if whole.is_mapped(whole.middle, axis, angle)]
@@ -143,12 +143,12 @@ class _Surface:
 
 def _triangles(shape: Shape, by_texture: bool) -> tuple[np.ndarray, np.ndarray | None]:
     """(n, 3, 3) corners in the frame of the shape and (n, 3) colors, 0..255, None of textures that count."""
-    mesh = shape.primitive
-    if isinstance(mesh, Mesh) and not by_texture:
-        corners = mesh.vertices[mesh.faces]
-        return corners, np.tile(np.asarray(shape.color_rgb, dtype=np.float64), (len(corners), 1))
-    patches = tessellate(mesh, shape.color_rgb)
-    corners = np.concatenate([patch.vertices[patch.faces] for patch in patches])
+    patches: tuple[Patch, ...] = ()
+    if isinstance(shape.primitive, Mesh) and not by_texture:  # its own triangles will do, undivided
+        corners = shape.primitive.vertices[shape.primitive.faces]
+    else:
+        patches = tessellate(shape.primitive, shape.color_rgb)
+        corners = np.concatenate([patch.vertices[patch.faces] for patch in patches])
     if not by_texture:
         return corners, np.tile(np.asarray(shape.color_rgb, dtype=np.float64), (len(corners), 1))
     if any(patch.texture is not None for patch in patches):
@@ -169,7 +169,8 @@ def _axes(model: ArticulatedModel, points: np.ndarray) -> Iterator[np.ndarray]:
     """Unit vectors, each direction once."""
     _, inertia = np.linalg.eigh(np.cov(points[:, :3].T))
     axes: list[np.ndarray] = []
-    for frame in (np.eye(3), *(shape.T_link_shape[:3, :3] for shape in model.shapes[:20]), inertia):
+    placed = Configuration(model, State.neutral(model)).Ts_world_shape[:20, :3, :3]
+    for frame in (np.eye(3), *placed, inertia):
         for axis in frame.T:
             if all(abs(float(axis @ other)) < _ALIKE for other in axes):
                 axes.append(axis)
