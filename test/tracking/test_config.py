@@ -8,6 +8,7 @@ import pytest
 from tracker_node.errors import FileFormatError
 from tracker_node.tracking.config import (
     ALONE,
+    BASES,
     JOINT,
     MIXED,
     POINTS_BESIDE,
@@ -33,6 +34,8 @@ def leaves(cls) -> int:
 def with_it(name: str, value: object) -> dict[str, object]:
     """A parameter among modalities that it belongs to."""
     of = DESCRIBED[name]["of"]
+    if of and of[0] in BASES:
+        return {"motion.base": of[0].split()[-1], name: value}
     return {name: value} | ({"modalities": MODALITIES.get(of[0], [of[0]])} if of else {})
 
 
@@ -49,10 +52,20 @@ def test_a_parameter_is_one_where_a_modality_in_use_has_it(name):
     others = {"region": ["color"], "chamfer": ["region"], "color": ["texture"], "texture": ["color"]}
     of = DESCRIBED[name]["of"]
     if of:
-        wrong = {name: DESCRIBED[name]["default"], "modalities": others.get(of[0], ["chamfer"])}
+        without = others | dict.fromkeys(BASES, ["color"])
+        wrong = {name: DESCRIBED[name]["default"], "modalities": without.get(of[0], ["chamfer"])}
         with pytest.raises(FileFormatError, match=f"modalities with .*{of[0]}.*, to which it belongs") as caught:
             from_dict(wrong, "my.yaml")
         assert caught.value.field == name
+
+
+def test_parameters_of_another_base_are_refused_and_come_with_it():
+    with pytest.raises(FileFormatError, match="expected motion.base: free, to which it belongs, instead of fixed"):
+        from_dict({"motion.base": "fixed", "motion.root_angle_noise": 1.0})
+    free = from_dict({"motion.root_angle_noise": 3.0})
+    fixed = updated(free, {"motion.base": "fixed", "motion.base_angle_sigma_deg": 4.0}, "x")
+    assert fixed.motion.base_angle_sigma_deg == 4.0 and "motion.root_angle_noise" not in flatten(fixed)
+    assert updated(fixed, {"motion.base": "free"}, "x") == TrackerConfig()
 
 
 @pytest.mark.parametrize("name", RENAMED)

@@ -40,6 +40,7 @@ WITHOUT_EFFECT = {
     "initialization.tracked_sets": "as repaired_candidates",
     "limb_search.interval_sets": "as initialization.interval_sets; see test/tracking/region/test_limb_search.py",
     "color.few_pixels": "a threshold of a status that this scene never has; see test/tracking/color/test_judge.py",
+    "motion.joint_state_sigma_m": "as joint_state_sigma_deg: no joint slides here; see test/tracking/motion/test_model.py",
     "motion.smoother_noise": "of smoothed states alone; see the tests of the smoother",
 }
 WAYS: dict[str, dict[str, Any]] = {
@@ -52,6 +53,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "over background": {"modalities": ["color_over_background"], "color_over_background.learn_colors": True},
     "joint": {"modalities": ["color", "region"], "color.learn_colors": True},
     "keypoints": {"modalities": ["region", "keypoints"]},
+    "fixed": {"motion.base": "fixed"},
 }
 """Names of the ways to track, with the parameters that choose them."""
 
@@ -107,6 +109,15 @@ def begun_far(config: TrackerConfig) -> Estimates:
     backgrounds = {name: clip.backgrounds[name] for name in clip.rig.names[:2]}
     for off_m in (0.35, 0.3, 0.4, 0.45, 0.5, -0.3, -0.4):
         yield Tracker(clip.rig, clip.model, config, backgrounds, displaced(clip, off_m)).step(clip.sets[0])
+
+
+def beside_joint_states(config: TrackerConfig) -> Estimates:
+    """The same person, who says where the joints are, some degrees off."""
+    clip = recording()
+    tracker = Tracker(clip.rig, clip.model, config, None, clip.states[0])
+    names = [axis.name for axis in clip.model.chain.axes]
+    for one, state in zip(clip.sets[:3], clip.states, strict=False):
+        yield tracker.step(replace(one, joint_positions=dict(zip(names, state.joint_positions + 0.05, strict=True))))
 
 
 def pointed(config: TrackerConfig) -> Estimates:
@@ -178,6 +189,8 @@ def kind_of(name: str) -> str:
         return "checked"
     if name == "region.wide_scales":
         return "begun far"
+    if name == "motion.joint_state_sigma_deg":
+        return "joint states"
     return "searched" if name.startswith("initialization.") else "followed"
 
 
@@ -187,8 +200,8 @@ def run(way: str, kind: str, values: dict[str, Any]) -> Estimates:
     if kind == "checked":
         return checked(from_dict(WAYS[way] | {"initialization.enabled": False} | CHECKED | values))
     config = from_dict(WAYS[way] | {"initialization.enabled": False} | values)
-    if kind == "begun far":
-        return begun_far(config)
+    if kind in ("begun far", "joint states"):
+        return begun_far(config) if kind == "begun far" else beside_joint_states(config)
     if way == "keypoints":
         return pointed(config)
     return waved(config) if way in ("texture", "rigid") else followed(config)

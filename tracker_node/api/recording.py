@@ -12,9 +12,10 @@ from ..camera.rig import CameraRig
 from ..loaders.images.source import SourceOptions
 from ..loaders.model.model_yaml import load_model
 from ..loaders.model.state_yaml import load_state
-from ..loaders.recording_yaml import FILES, load_recording
+from ..loaders.recording_yaml import FILES, JointStatesEntry, load_recording
 from ..loaders.rig.rig_yaml import load_rig
 from ..runs.config_file import load_config
+from ..runs.joint_states import JointStateFile
 from ..runs.offline import Recording
 from ..runs.people.detection import DetectionOptions
 from ..runs.people.recorded import PointFiles
@@ -55,11 +56,16 @@ def open_recording(path: str | Path) -> Recording:
         detection=DetectionOptions(_path(points.weights), points.every_sets),
         points=None if points.files is None else PointFiles(Path(points.files), _path(points.table), points.first),
         person=None if file.person is None else np.array(file.person),
+        joint_states=None if file.joint_states is None else _joint_states(file.joint_states),
         masks=file.record.masks,
         masked_images=file.record.masked_images,
         output=Path(file.output),
         files={name: str(Path(getattr(file, name)).resolve()) for name in FILES if getattr(file, name)},
     )
+
+
+def _joint_states(entry: JointStatesEntry) -> JointStateFile:
+    return JointStateFile(Path(entry.file), entry.topic)
 
 
 def _path(name: str | None) -> Path | None:

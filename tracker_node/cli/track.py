@@ -17,6 +17,7 @@ from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:
     from ..loaders.images.source import SourceOptions
+    from ..runs.joint_states import JointStateFile
     from ..runs.people.detection import DetectionOptions
     from ..runs.people.recorded import PointFiles
 
@@ -93,6 +94,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     points.add_argument(
         "--keypoints-every", type=int, default=1, metavar="N", help="look for people in every N-th image set (default: 1)"
     )
+    robot = parser.add_argument_group("what a robot says of its joints, beside the images")
+    robot.add_argument(
+        "--joint-states", type=Path, metavar="PATH",
+        help="CSV file with stamp_ns and a column a joint (radians, meters), or a bag with sensor_msgs/JointState",
+    )  # fmt: skip
+    robot.add_argument(
+        "--joint-states-topic", metavar="TOPIC", help="of the bag (default: /joint_states, or the only one of that type)"
+    )
     parser.add_argument("--masks", action="store_true", help="also record the model's silhouette in every camera")
     parser.add_argument("--masked-images", action="store_true", help="also record the images as seen through that silhouette")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
@@ -138,6 +147,7 @@ def run(args: argparse.Namespace) -> int:
             points=_points(args),
             table=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table and args.from_run_bag else None,
             person=place_of_person(args),
+            joint_states=_joint_states(args),
             masks=args.masks,
             masked_images=args.masked_images,
             asked=named_options(args),
@@ -161,11 +171,13 @@ def _as_that_run(args: argparse.Namespace) -> None:
     from ..runs.load import run_info
 
     options = options_of(run_info(args.from_run_bag))
-    for name in ("start", "end", "rate", "resize", "shrink", "base_stamp_ns", "cameras", "source"):
+    images = ("start", "end", "rate", "resize", "shrink", "base_stamp_ns", "cameras", "source")
+    for name in (*images, "joint_states", "joint_states_topic"):
         if getattr(args, name) in (None, BUILT_IN.get(name, 0)) and options.get(name):
             setattr(args, name, options[name])
     args.resize = args.resize and (int(args.resize[0]), int(args.resize[1]))
     args.source = [(camera, source) for camera, source in args.source]
+    args.joint_states = args.joint_states and Path(args.joint_states)
 
 
 def _source_options(args: argparse.Namespace) -> SourceOptions:
@@ -188,6 +200,17 @@ def _points(args: argparse.Namespace) -> PointFiles | None:
         return PointFiles(args.keypoints, args.keypoints_table, args.keypoints_first)
     if args.keypoints_table is not None and args.from_run_bag is None:
         raise FileFormatError("command line", "--keypoints-table", "--keypoints or --from-run-bag beside it", "none")
+    return None
+
+
+def _joint_states(args: argparse.Namespace) -> JointStateFile | None:
+    from ..errors import FileFormatError
+    from ..runs.joint_states import JointStateFile
+
+    if args.joint_states is not None:
+        return JointStateFile(args.joint_states, args.joint_states_topic)
+    if args.joint_states_topic is not None:
+        raise FileFormatError("command line", "--joint-states-topic", "--joint-states beside it", "none")
     return None
 
 

@@ -97,6 +97,13 @@ class KeypointsEntry(FileModel):
         return self
 
 
+class JointStatesEntry(FileModel):
+    """What a robot says of its joints: a CSV file, or a bag and its topic."""
+
+    file: str
+    topic: str | None = None
+
+
 class RecordEntry(FileModel):
     """What goes into the bag besides states, poses, joints, calibrations and diagnostics, and how it is written."""
 
@@ -146,6 +153,7 @@ class RecordingFile(FileModel):
     images: ImagesEntry = Field(default_factory=ImagesEntry)
     keypoints: KeypointsEntry = Field(default_factory=KeypointsEntry)
     person: Place | None = None
+    joint_states: JointStatesEntry | None = None
     record: RecordEntry = Field(default_factory=RecordEntry)
     real_time: Switch = False
     loop: Switch = False
@@ -183,6 +191,9 @@ def load_recording(path: str | Path) -> RecordingFile:
     changes["keypoints"] = points.model_copy(
         update={name: _existing(path, f"keypoints.{name}", getattr(points, name)) for name in ("files", "table", "weights")}
     )
+    if recording.joint_states is not None:
+        file = _existing(path, "joint_states.file", recording.joint_states.file)
+        changes["joint_states"] = recording.joint_states.model_copy(update={"file": file})
     if recording.evaluate is not None:
         entry = recording.evaluate
         truth = tuple(_existing(path, "evaluate.truth", name) for name in entry.truth)
@@ -196,6 +207,6 @@ def _existing(recording: str | Path, field: str, name: str | None) -> str | None
     if name is None:
         return None
     file = os.path.join(Path(recording).parent, name)
-    if not (os.path.isfile(file) or (field == "keypoints.files" and os.path.isdir(file))):
+    if not (os.path.isfile(file) or (field in ("keypoints.files", "joint_states.file") and os.path.isdir(file))):
         raise FileFormatError(recording, field, "an existing file", file)
     return file

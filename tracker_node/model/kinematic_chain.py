@@ -17,6 +17,7 @@ from ..errors import ModelError, UnknownNameError
 ROOT_DOF_NAMES = ("root_x", "root_y", "root_z", "root_rx", "root_ry", "root_rz")
 N_ROOT_DOF = 6
 ENDLESS_RAD = 2000.0 * np.pi  # a turn that no stop ends has these limits: finite, as searches and files want them
+UNLIMITED_VELOCITY = 100.0  # rad/s or m/s: what files state as the limit of a joint that has none
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Axis:
 
     ``direction`` (3,) unit, in the frame that the preceding axes have made; ``lower``/``upper`` in radians (meters); ``neutral``
     is where the weak prior pulls to, ``stiffness`` (1/rad^2, 1/m^2) how strongly (0: free; roll-like axes need some).
-    ``mimic``: the axis that drives it, if one does.
+    ``mimic``: the axis that drives it, if one does. ``velocity_limit`` (rad/s, m/s): how fast it can move at all.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Axis:
     stiffness: float = 0.0
     prismatic: bool = False
     mimic: Following | None = None
+    velocity_limit: float = np.inf
 
     def __post_init__(self):
         if abs(np.linalg.norm(self.direction) - 1.0) > 1e-6:

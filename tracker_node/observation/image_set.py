@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -50,10 +51,12 @@ class ImageSet:
     """Images of one time step; cameras that gave none are absent.
 
     ``stamp_ns`` is the set's reference stamp (that of its earliest image); ``images`` is in the order of the rig.
+    ``joint_positions``: what a robot says of its joints at that stamp, radians or meters by the axis's name.
     """
 
     stamp_ns: int
     images: tuple[CameraImage, ...]
+    joint_positions: Mapping[str, float] = field(default_factory=dict)
 
     def get(self, camera: str) -> CameraImage | None:
         for image in self.images:

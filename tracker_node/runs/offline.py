@@ -21,12 +21,14 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
+from ..observation.joint_states import JointStates
 from ..tracking.config import KEYPOINTS, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import run_stream
+from .joint_states import JointStateFile, load_joint_states, with_joint_states
 from .load import run_info
 from .loop import TrackingLoop
 from .people.detection import DetectionOptions, PeopleDetection
@@ -52,6 +54,7 @@ class Recording:
     detection : how people are found in the images, where `keypoints` is among the modalities.
     points : files with the points of another detector, in whose place; None: none.
     person : (3,) meters, world: of several people, the one there; None: the one nearest to where the cameras look.
+    joint_states : what a robot says of its joints; None: nothing.
     masks : record the body's silhouette in every camera, too.
     masked_images : record the images where the body is, the rest black, too.
     output : folder that ``recording.yaml`` names; None: none.
@@ -72,6 +75,7 @@ class Recording:
     detection: DetectionOptions = field(default_factory=DetectionOptions)
     points: PointFiles | None = None
     person: np.ndarray | None = None
+    joint_states: JointStateFile | None = None
     masks: bool = False
     masked_images: bool = False
     output: Path | None = None
@@ -105,6 +109,8 @@ class Recording:
             "keypoints_table": None if self.points is None or self.points.table is None else str(self.points.table.resolve()),
             "keypoints_first": 0 if self.points is None else self.points.first,
             "person": None if self.person is None else list(map(float, self.person)),
+            "joint_states": None if self.joint_states is None else str(self.joint_states.path.resolve()),
+            "joint_states_topic": None if self.joint_states is None else self.joint_states.topic,
             "masks": self.masks,
             "masked_images": self.masked_images,
         }
@@ -171,6 +177,7 @@ def run_offline(
             tracker.reinitialize(run.person)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
+        joint_states = _joint_states_of(run, tracker)
         detection = _detection_of(run, rig, reader) if recorded is None else recorded
         writer = stack.enter_context(
             RunWriter(
@@ -182,7 +189,12 @@ def run_offline(
         if run.smooth_s is not None:
             smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
             writers.append(lambda estimate, image_set: smoothed.append(estimate))
-        loop = TrackingLoop(tracker, None if detection is None else detection.with_people)
+
+        def prepared(tracker: Any, image_set: ImageSet) -> ImageSet:
+            image_set = image_set if joint_states is None else with_joint_states(joint_states, image_set)
+            return image_set if detection is None else detection.with_people(tracker, image_set)
+
+        loop = TrackingLoop(tracker, prepared)
         record = _Record(run.model)
         try:
             _track(run, loop, stream, writers, record, progress)
@@ -203,6 +215,17 @@ def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, Im
         return run_stream(run.rig, reader, run_info(reader.path), run.images)
     rig = rig_of_bag(run.rig, reader)
     return rig, BagStream(rig, run.config.synchronizer, reader, with_points=KEYPOINTS in run.config.modalities)
+
+
+def _joint_states_of(run: OfflineRun, tracker: Tracker) -> JointStates | None:
+    """What a robot says; None where nothing is used."""
+    if run.joint_states is None:
+        return None
+    if not tracker.in_information_units:
+        raise TrackerError(f"joint states take contours (region, chamfer), got the modality {run.config.colors} alone")
+    if run.smooth_s is not None:
+        raise TrackerError("expected either joint states or smoothing, which does not know them, got both")
+    return load_joint_states(run.joint_states, run.model)
 
 
 def _detection_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> PeopleDetection | None:

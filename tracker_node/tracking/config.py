@@ -23,6 +23,8 @@ GEOMETRIC = (*CONTOURS, KEYPOINTS)  # residuals in pixels over their standard de
 # Tags of parameters that belong to no single modality.
 ALONE, MIXED, JOINT = "colors alone", "colors with contours", "colors with contours in one problem"
 POINTS_BESIDE = "keypoints with region"
+FREE_BASE, FIXED_BASE = BASES = "motion.base: free", "motion.base: fixed"
+_DECIDING = ("modalities", "combination", "motion.base")  # which parameters there are
 
 
 @dataclass(frozen=True)
@@ -204,15 +206,26 @@ class MotionConfig:
     """
 
     base: str = parameter(
-        "free", "fixed: the root does not move, and its place is estimated ever better, as of an arm on a table; its noise and"
-        " time constants then do not count", choices=("free", "fixed"), of=GEOMETRIC,
+        "free", "fixed: the root does not move, and its place is estimated ever better, as of an arm on a table",
+        choices=("free", "fixed"), of=GEOMETRIC,
     )  # fmt: skip
-    root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
-    root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
+    base_position_sigma_m: float = parameter(
+        0.005, "how well the initial state knows where a fixed base is, as a standard deviation", "m", 1e-6, 1e3, of=(FIXED_BASE,)
+    )
+    base_angle_sigma_deg: float = parameter(0.5, "and how it is turned", "deg", 1e-4, 1e3, of=(FIXED_BASE,))
+    joint_state_sigma_deg: float = parameter(
+        0.5, "how exactly joints are where the robot's own joint states say, where there are some; 0.01: just there", "deg",
+        1e-4, 1e3, of=GEOMETRIC,
+    )  # fmt: skip
+    joint_state_sigma_m: float = parameter(0.001, "the same of joints that slide", "m", 1e-6, 1e3, of=GEOMETRIC)
+    root_position_noise: float = parameter(4.0, "white acceleration of the root", "m/s^1.5", 1e-6, 1e6, of=(FREE_BASE,))
+    root_angle_noise: float = parameter(16.0, "white angular acceleration of the root", "rad/s^1.5", 1e-6, 1e6, of=(FREE_BASE,))
     joint_noise: float = parameter(25.0, "white acceleration of joint angles", "rad/s^1.5", 1e-6, 1e6, of=GEOMETRIC)
-    root_position_time_constant_s: float = parameter(0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3, of=GEOMETRIC)
+    root_position_time_constant_s: float = parameter(
+        0.5, "how long a velocity of the root lasts", "s", 1e-3, 1e3, of=(FREE_BASE,)
+    )
     root_angle_time_constant_s: float = parameter(
-        0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3, of=GEOMETRIC
+        0.3, "how long an angular velocity of the root lasts", "s", 1e-3, 1e3, of=(FREE_BASE,)
     )
     joint_time_constant_s: float = parameter(0.2, "how long a velocity of a joint angle lasts", "s", 1e-3, 1e3, of=GEOMETRIC)
     smoother_noise: float = parameter(
@@ -452,6 +465,7 @@ class TrackerConfig:
         """What parameters may belong to (`describe`) and holds here."""
         mixed = bool(self.contours) and self.colors is not None
         more = {MIXED} if mixed else {ALONE} if self.colors else set()
+        more |= {f"motion.base: {self.motion.base}"} if set(GEOMETRIC) & set(self.modalities) else set()
         more |= {POINTS_BESIDE} if {REGION, KEYPOINTS} <= set(self.modalities) else set()
         return frozenset(self.modalities) | more | ({JOINT} if self.is_joint and self.colors == COLOR else set())
 
@@ -539,32 +553,40 @@ def refuse_unused(config: TrackerConfig, name: str, value: Any, source: str) -> 
     """
     of = describe()[name]["of"]
     if of and not config.tags & set(of):
-        expected = f"modalities with {' or '.join(of)}, to which it belongs, instead of [{', '.join(config.modalities)}]"
+        wanted, there = f"modalities with {' or '.join(of)}", f"[{', '.join(config.modalities)}]"
+        if set(of) <= set(BASES) and set(BASES) & config.tags:
+            wanted, there = of[0], config.motion.base
+        expected = f"{wanted}, to which it belongs, instead of {there}"
         raise FileFormatError(source, name, expected, value)
 
 
 def chosen(config: TrackerConfig, values: Mapping[str, Any], source: str) -> TrackerConfig:
-    """A configuration with other modalities.
+    """A configuration with other modalities, or another base.
 
     Parameters
     ----------
     config : has all else.
-    values : by dotted names; ``modalities`` and ``combination`` count.
+    values : by dotted names; those that decide which others are parameters count.
     source : names the file, or what stands for it, in errors.
 
     Returns
     -------
-    With the modalities and their combination among ``values``.
+    With the modalities, their combination and the base among ``values``.
 
     Raises
     ------
     FileFormatError : there are no such modalities, or they do not go together.
     """
-    given = {name: values.get(name, getattr(config, name)) for name in ("modalities", "combination")}
-    made = built(TrackerConfig, given, source)
+    given = {name: values.get(name, value_of(config, name)) for name in _DECIDING}
+    made = built(TrackerConfig, nested(given, source), source)
     if MIXED not in made.tags:
         made = replace(made, combination=TrackerConfig().combination)
-    return checked_combination(replace(config, modalities=made.modalities, combination=made.combination), source)
+    made = replace(config, modalities=made.modalities, combination=made.combination, motion=_on(made.motion.base, config.motion))
+    return checked_combination(made, source)
+
+
+def _on(base: str, motion: MotionConfig) -> MotionConfig:
+    return motion if base == motion.base else replace(motion, base=base)
 
 
 def updated(config: TrackerConfig, values: Mapping[str, Any], source: str) -> TrackerConfig:

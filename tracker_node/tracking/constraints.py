@@ -62,6 +62,23 @@ def staying(expected: State, motion: MotionConfig) -> Prior:
     return Prior(expected, stay / PX2_PER_INFORMATION)
 
 
+def given_sigmas(given: State, motion: MotionConfig) -> np.ndarray:
+    """How well a state is known that somebody has given: as `staying`, and the place of a fixed base.
+
+    Parameters
+    ----------
+    given, motion : the state; parameters.
+
+    Returns
+    -------
+    (n_dof,) standard deviations, at most 1 m and 1 rad.
+    """
+    sigmas = np.maximum(staying(given, motion).information, 1.0) ** -0.5
+    if motion.base == "fixed":
+        sigmas[:3], sigmas[3:N_ROOT_DOF] = motion.base_position_sigma_m, np.radians(motion.base_angle_sigma_deg)
+    return sigmas
+
+
 def constraints_of(model: ArticulatedModel, config: TrackerConfig) -> list[LeastSquaresObjective]:
     """Parts that may not pass through each other, and axes that follow others, where the model has such.
 

@@ -29,6 +29,7 @@ from .cameras.blinded import BlindedCameras
 from .cameras.frozen import FrozenCameras
 from .cameras.self_check import SelfCheck, SelfCheckOptions
 from .config import GEOMETRIC, KEYPOINTS, TrackerConfig, checked_combination
+from .constraints import given_sigmas
 from .engine import AnyEngine
 from .engines import make_engine
 from .estimate import CameraFault, LimbStatus, Status, Timings, TrackEstimate
@@ -323,8 +324,9 @@ class Tracker:
     def _stepped(self, image_set: ImageSet, images: Images, people: PeopleSeen) -> _Step:
         """Predict, observe, fit, assess and learn."""
         track, engine, before = self._track, self._track.engine, copy(self._track.motion)
-        prediction = track.motion.predict(image_set.stamp_ns)
-        first, predicted = prediction is None, self._expected(prediction)
+        first = track.motion.predict(image_set.stamp_ns) is None
+        prediction = self._predicted(image_set)
+        predicted = self._expected(prediction)
         waiting = first and track.start is None
         start = engine.begin(images, predicted, people=people) if first and not waiting else predicted
         engine.observe(images, None if waiting else start, self._delays(image_set, prediction), people)
@@ -346,6 +348,19 @@ class Tracker:
         if self._late is not None:
             self._late.add(PastSet(image_set, people, before))
         return _Step(fit, prior, assessment, information, observed, fitted)
+
+    def _predicted(self, image_set: ImageSet) -> Prediction | None:
+        """What is expected of an image set before its images are looked at: by those before, and by the robot's joint states."""
+        motion, stamp_ns, config = self._track.motion, image_set.stamp_ns, self.config.motion
+        said, start = image_set.joint_positions, self._track.start
+        if not self.in_information_units:
+            return motion.predict(stamp_ns)
+        if motion.predict(stamp_ns) is None and start is not None and (said or config.base == "fixed"):
+            motion.expect(stamp_ns, start, given_sigmas(start, config))
+        if said:
+            axes = self.model.chain.axes
+            motion.read_joints(stamp_ns, np.array([said.get(axis.name, np.nan) for axis in axes]))
+        return motion.predict(stamp_ns)
 
     @cached_property
     def _symmetry(self) -> Symmetry:
@@ -409,7 +424,7 @@ class Tracker:
         """Fit an image set anew that has been judged and learned from before."""
         assert self._late is not None
         track, image_set, before = self._track, past.image_set, copy(self._track.motion)
-        prediction = track.motion.predict(image_set.stamp_ns)
+        prediction = self._predicted(image_set)
         assert prediction is not None
         predicted, prior = self._expected(prediction), prediction.prior()
         track.engine.observe(self._images(image_set), predicted, self._delays(image_set, prediction), past.people)

@@ -7,8 +7,10 @@ import pytest
 
 from benchmark.world import robots, things, visp
 from benchmark.world._shapes import horned, knot
+from helpers.bodies.two_links import two_links
 from tracker_node.model.configuration import State
 from tracker_node.model.shapes.primitives import is_closed
+from tracker_node.observation.image_set import ImageSet
 from tracker_node.tracking.estimate import Status
 
 
@@ -60,10 +62,23 @@ def test_sets_are_counted_that_are_right_wrong_and_far_and_what_is_said():
     assert np.isinf(position[0]) and np.isinf(angle[0]) and position[1:].max() < 1e-9
 
 
-def test_figures_of_an_arm_are_of_all_sets():
+def test_figures_of_a_robot_are_of_all_sets():
     n = robots.SETS
-    run = {"joints_deg": np.full((n, 7), 1.0), "tcp_mm": np.full(n, 2.0), "lost": np.zeros(n, bool), "said": np.zeros(n, bool)}
-    run["joints_deg"][:6], run["tcp_mm"][:6], run["lost"][1] = 50.0, 500.0, True
-    found = robots.figures([run], np.full(10, 7.0))
+    joints, tool, lost = np.full((n, 7), 1.0), np.full(n, 2.0), np.zeros(n, bool)
+    joints[:6], tool[:6], lost[1] = 50.0, 500.0, True
+    found = robots.figures("panda", [robots.Run(joints, tool, lost, np.zeros(n, bool), np.full(10, 7.0))])
     assert (found["panda.joint_deg"], found["panda.joint_p95_deg"], found["panda.tcp_mm"]) == (1.0, 50.0, 2.0)
     assert (found["panda.lost_sets"], found["panda.sets"], found["panda.set_ms"]) == (1, n, 7.0)
+
+
+def test_what_a_robot_says_is_off_by_a_constant_and_its_start_by_five_degrees():
+    model = two_links()
+    robot = robots.Robot("", {"bend": 10.0}, (("lower", (0.0, 0.0, 0.1)),), robots.ASIDE, 1.9, (0.0, 0.0, 0.0))
+    states = robots.states_of(robot, model, 1)
+    assert np.ptp([s.joint_positions[0] for s in states]) > 0.5 and not any(s.joint_positions[1] for s in states)
+    case = robots.Case(robot, base_off=True, says=True)
+    sets = robots.with_joint_states(case, model, states, [ImageSet(k, ()) for k in range(len(states))], 1)
+    off = [[one.joint_positions[n] for n in ("bend", "turn")] - s.joint_positions for one, s in zip(sets, states, strict=True)]
+    assert np.ptp(off, axis=0).max() < 1e-12 and off[0][1] == 0.0 and 0.0 < abs(off[0][0]) < 5 * robots.SAID_OFF_RAD
+    apart = robots.start_of(case, model, states[0], 1).difference(states[0])
+    assert np.linalg.norm(apart[:3]) == pytest.approx(robots.BASE_OFF_M) and abs(apart[6]) == pytest.approx(robots.START_OFF_RAD)

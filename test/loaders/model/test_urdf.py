@@ -317,6 +317,14 @@ def test_a_joint_that_cannot_move_is_welded_where_it_stands(tmp_path, kind, plac
     np.testing.assert_allclose(T[:3, 0], [np.cos(turn), 0.0, -np.sin(turn)], atol=1e-12)
 
 
+@pytest.mark.parametrize(("stated", "limit"), [("2.5", 2.5), ("0", np.inf), ("inf", np.inf), ("100", np.inf)])
+def test_how_fast_a_joint_is_comes_back(tmp_path, stated, limit):
+    model = urdf(tmp_path, joined("revolute", "0 1 0", -1, 1).replace('velocity="1"', f'velocity="{stated}"'))
+    assert model.chain.axes[0].velocity_limit == limit
+    (tmp_path / "again.urdf").write_text(urdf_of(model))
+    assert load_model(tmp_path / "again.urdf").chain.axes[0].velocity_limit == limit
+
+
 @pytest.mark.parametrize(("lower", "upper", "neutral"), [(-1, 2, 0.0), (0.5, 2, 0.5), (-2, -0.5, -0.5)])
 def test_neutral_is_zero_or_the_limit_next_to_it(tmp_path, lower, upper, neutral):
     (axis,) = urdf(tmp_path, joined("revolute", "0 1 0", lower, upper)).chain.axes

@@ -10,9 +10,10 @@ from helpers.bodies.bodies import crane, random_state
 from helpers.bodies.two_links import two_links
 from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.model.configuration import State
+from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.objective.constraints.prior import Prior
 from tracker_node.tracking.config import MotionConfig
-from tracker_node.tracking.motion.dynamics import Belief, Dynamics, correct
+from tracker_node.tracking.motion.dynamics import Belief, Dynamics, correct, with_positions
 
 N = 8
 
@@ -175,3 +176,28 @@ def test_a_fixed_base_stays_and_is_found_ever_better():
     assert sigmas[:6].max() < 0.002 and sigmas[6:].min() > 0.005
     later = fixed.propagate(believed, 1.0)
     assert np.sqrt(np.diag(later.state_covariance))[:6].max() < 0.003
+
+
+def test_joints_that_are_read_are_a_linear_measurement():
+    model, rng = dynamics(), np.random.default_rng(4)
+    before = belief(rng)
+    read, sigmas = np.array([np.nan, before.state.joint_positions[1] + 0.2]), np.array([1.0, 0.05])
+    after = with_positions(before, read, sigmas)
+    H = np.zeros((1, 2 * N))
+    H[0, 7] = 1.0
+    information = np.linalg.inv(before.covariance) + H.T @ H / 0.05**2
+    np.testing.assert_allclose(after.covariance, np.linalg.inv(information), rtol=1e-8, atol=1e-12)
+    moved = np.concatenate([after.state.difference(before.state), after.velocity - before.velocity])
+    np.testing.assert_allclose(moved, np.linalg.solve(information, H[0] * 0.2 / 0.05**2), rtol=1e-6, atol=1e-9)
+    exact = with_positions(model.propagate(before, 0.1), read, np.full(2, 1e-9))
+    assert np.linalg.eigvalsh(exact.covariance).min() > -1e-12 and exact.state.joint_positions[1] == pytest.approx(read[1])
+
+
+def test_a_joint_moves_no_more_than_its_limit_allows():
+    slow = replace(two_links().chain.axes[0], velocity_limit=1.0)
+    (joint,) = two_links().chain.joints
+    chain = KinematicChain(("upper", "lower"), (replace(joint, axes=(slow, joint.axes[1])),))
+    found = Dynamics.of(MotionConfig(), chain)
+    at_rest = found.start(State.neutral(two_links()), np.eye(N))
+    assert np.sqrt(at_rest.velocity_covariance[6, 6]) == pytest.approx(0.5)  # half the limit
+    assert found.noise[7] == MotionConfig().joint_noise

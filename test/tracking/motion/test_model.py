@@ -1,5 +1,7 @@
 """Prediction: constant velocity is found and continued; what is not measured dies away."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from helpers.bodies.two_links import two_links
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
+from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.motion.model import ExposureDelays, MotionModel
 
@@ -185,3 +188,34 @@ def test_a_passage_without_covariances_has_the_velocity_alone():
     prediction = model.predict(300_000_000)
     offset = ExposureDelays([0.0, 0.02], prediction).offsets(moving(0.7))[1]
     np.testing.assert_allclose(offset, 0.02 * model.velocity)
+
+
+def test_what_is_said_of_a_first_set_is_expected_of_it_alone():
+    model = MotionModel(two_links().chain, MotionConfig(base="fixed"))
+    sigmas = np.array([0.01] * 3 + [0.02] * 3 + [0.3, 0.4])
+    model.expect(5, moving(0.3), sigmas)
+    found = model.predict(5)
+    np.testing.assert_allclose(found.state.difference(moving(0.3)), 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), sigmas)
+    model.update(5, moving(0.3), np.zeros((N, N)))
+    np.testing.assert_allclose(np.sqrt(np.diag(model.predict(5 + 10**7).covariance))[:3], sigmas[:3], rtol=0.01)
+    other = MotionModel(two_links().chain, MotionConfig())
+    other.expect(5, moving(0.3), sigmas)
+    assert other.predict(6) is None
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_joints_that_are_read_lead_the_prediction_of_their_set(restarted):
+    axes = tuple(replace(axis, prismatic=axis.name == "turn") for axis in two_links().chain.axes)
+    (joint,) = two_links().chain.joints
+    chain = KinematicChain(("upper", "lower"), (replace(joint, axes=axes),))
+    model = MotionModel(chain, MotionConfig(joint_state_sigma_deg=0.1, joint_state_sigma_m=0.002))
+    model.update(0, moving(0.0), 1e4 * np.eye(N))
+    if restarted:
+        model.restart(10**8, moving(0.0))
+    model.read_joints(2 * 10**8, np.array([0.5, -0.3]))
+    found = model.predict(2 * 10**8)
+    np.testing.assert_allclose(found.state.joint_positions, [0.5, -0.3], atol=1e-3)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance))[6:], [np.radians(0.1), 0.002], rtol=0.01)
+    model.update(2 * 10**8, found.state, np.zeros((N, N)))
+    assert model.predict(2 * 10**8 + 1).state.joint_positions[0] == pytest.approx(0.5, abs=1e-3)

@@ -104,6 +104,7 @@ def _values(recording: RecordingFile) -> dict[str, Any]:
         "resize": images.resize,
         "shrink": images.shrink,
         **_points(recording),
+        **_joint_states(recording),
         **recording.record.model_dump(),
         "real_time": recording.real_time,
         "loop": recording.loop,
@@ -120,6 +121,11 @@ def _points(recording: RecordingFile) -> dict[str, Any]:
         "keypoints_every": entry.every_sets,
         "person": None if recording.person is None else list(recording.person),
     }
+
+
+def _joint_states(recording: RecordingFile) -> dict[str, Any]:
+    entry = recording.joint_states
+    return {} if entry is None else {"joint_states": Path(entry.file), "joint_states_topic": entry.topic}
 
 
 def _sources(recording: RecordingFile) -> list[tuple[str, str]]:

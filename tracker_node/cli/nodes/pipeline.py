@@ -150,7 +150,8 @@ def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:
     """
     from ...errors import FileFormatError
 
-    for name, value in (("keypoints.files", recording.keypoints.files), ("person", recording.person)):
+    offline = {"keypoints.files": recording.keypoints.files, "person": recording.person, "joint_states": recording.joint_states}
+    for name, value in offline.items():
         if value is not None:
             raise FileFormatError(args.recording, name, "nothing: it is for tracker_node track", value)
 

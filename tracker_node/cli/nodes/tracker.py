@@ -50,6 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keypoints.yaml: what a detector's points are on the body (default: BlazePose's)",
     )
     parser.add_argument(
+        "--joint-states", default="", metavar="TOPIC", help="where a robot says its joints are (sensor_msgs/JointState)"
+    )
+    parser.add_argument(
         "-o", "--output", type=Path, metavar="FOLDER",
         help="of the run: at the end body.yaml is written there, the body with its clothes, where points show them",
     )  # fmt: skip
@@ -106,6 +109,7 @@ def run(args: argparse.Namespace) -> int:
         initial_state=load_state(args.initial_state, model) if args.initial_state else None,
         occluders=load_model(args.occluders) if args.occluders else None,
         keypoints=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table else None,
+        joint_states=args.joint_states,
         inbox=InboxOptions(lossless=args.lossless, compressed=args.compressed),
         calibration_from_topics=args.calibration == "camera_info",
         autostart=not args.no_autostart,

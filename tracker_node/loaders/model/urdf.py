@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import FileFormatError, ModelError
 from ...geometry import se3
 from ...model.articulated import DEFAULT_COLOR_RGB, ArticulatedModel, Landmark, Shape
-from ...model.kinematic_chain import ENDLESS_RAD, ROOT_DOF_NAMES, Axis, Following, Joint, KinematicChain
+from ...model.kinematic_chain import ENDLESS_RAD, ROOT_DOF_NAMES, UNLIMITED_VELOCITY, Axis, Following, Joint, KinematicChain
 from ...model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from .mesh_file import read_mesh
 from .urdf_xml import Node, read_robot
@@ -242,7 +242,8 @@ def _axes(name: str, kind: str, node: Node) -> tuple[tuple[Axis, ...], np.ndarra
         return (Axis(f"{name}_x", x), Axis(f"{name}_y", y), Axis(f"{name}_z", z)), np.eye(4)
     direction, mimic = _direction(node), _following(node)
     if kind == "continuous":
-        return (Axis(name, direction, -ENDLESS_RAD, ENDLESS_RAD, mimic=mimic),), np.eye(4)
+        fastest = _velocity_limit(node.one("limit"))
+        return (Axis(name, direction, -ENDLESS_RAD, ENDLESS_RAD, mimic=mimic, velocity_limit=fastest),), np.eye(4)
     limit = node.needed("limit")
     lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
     if lower > upper:
@@ -251,7 +252,16 @@ def _axes(name: str, kind: str, node: Node) -> tuple[tuple[Axis, ...], np.ndarra
     if lower == upper:
         motion = lower * np.array(direction)
         return (), se3.exp(np.append(motion, np.zeros(3)) if slides else np.append(np.zeros(3), motion))
-    return (Axis(name, direction, lower, upper, min(max(0.0, lower), upper), 0.0, slides, mimic),), np.eye(4)
+    neutral, fastest = min(max(0.0, lower), upper), _velocity_limit(limit)
+    return (Axis(name, direction, lower, upper, neutral, 0.0, slides, mimic, fastest),), np.eye(4)
+
+
+def _velocity_limit(limit: Node | None) -> float:
+    """Of a <limit>, rad/s or m/s; infinite where none is known, for which exporters write 0, inf, or what nothing reaches."""
+    if limit is None or limit.element.get("velocity", "").strip().lower() in ("inf", "infinity"):
+        return np.inf
+    stated = limit.number("velocity", 0.0)
+    return stated if 0.0 < stated < UNLIMITED_VELOCITY else np.inf
 
 
 def _following(node: Node) -> Following | None:

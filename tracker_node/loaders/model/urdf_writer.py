@@ -9,6 +9,7 @@ import numpy as np
 
 from ...geometry import so3
 from ...model.articulated import ArticulatedModel, Shape
+from ...model.kinematic_chain import UNLIMITED_VELOCITY
 from ...model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
@@ -47,7 +48,8 @@ def _add_joints(robot: ElementTree.Element, model: ArticulatedModel, link_index:
         _add_ends(joint, origin, parent, child)
         ElementTree.SubElement(joint, "axis", xyz=_numbers(axis.direction))
         limits = {} if axis.endless else {"lower": f"{axis.lower:.9g}", "upper": f"{axis.upper:.9g}"}
-        ElementTree.SubElement(joint, "limit", {**limits, "effort": "0", "velocity": "100"})
+        fastest = min(axis.velocity_limit, UNLIMITED_VELOCITY)
+        ElementTree.SubElement(joint, "limit", {**limits, "effort": "0", "velocity": f"{fastest:.9g}"})
         if axis.mimic is not None:
             following = {"multiplier": f"{axis.mimic.multiplier:.9g}", "offset": f"{axis.mimic.offset:.9g}"}
             ElementTree.SubElement(joint, "mimic", {"joint": axis.mimic.leader, **following})

@@ -21,6 +21,7 @@ from ...tracking.estimate import TrackEstimate
 from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
 from ..ending import hurried
 from ..guarded_node import ACTIVE, ManagedNode
+from ..joint_states import JointStateInbox
 from ..parameter_overrides import refuse_unknown_qos, unknown_parameters
 from .camera_diagnostics import CameraDiagnostics
 from .diagnostics import TrackerDiagnostics
@@ -70,6 +71,7 @@ class TrackerNode(ManagedNode):
         self._lossless, self._from_topics = bool(fixed["lossless"]), fixed["calibration"] == "camera_info"
         self._worker: TrackingWorker | None = None
         self._outputs: TrackerOutputs | None = None
+        self._joint_states: JointStateInbox | None = None
         self.surfaces: np.ndarray | None = None  # as the last estimate has them
         self._changes = 0  # of parameters, or lenses, that have come into effect
         self._builder = SetupBuilder(self.get_logger().error)
@@ -104,6 +106,9 @@ class TrackerNode(ManagedNode):
         config = self._parameters_of_node.config
         points = PointMatching(config.synchronizer.image_period_s)
         self._keypoints = KeypointInbox(self, points, self._mismatches, self._diagnostics, options.point_names)
+        topic = str(fixed["joint_states"])
+        said = JointStateInbox(self, options.model, topic, self._diagnostics, self._mismatches) if topic else None
+        self._joint_states = said
         self._maker.prepare(cameras, config, writeable=inbox.compressed)
         self._maker.check(cameras, config)  # loads what a change of parameters needs
         keep_for_ever()
@@ -115,6 +120,7 @@ class TrackerNode(ManagedNode):
             initial_state=options.initial_state or State.neutral(options.model),
             lossless=self._lossless,
             points=points,
+            joint_states=said,
             on_error=self.get_logger().error,
         )
         self._tracker_diagnostics = TrackerDiagnostics(self._diagnostics, options.model)
@@ -149,7 +155,9 @@ class TrackerNode(ManagedNode):
             self._keypoints.subscribe(())
         if self._outputs is not None:
             self._outputs.close()
-        self._worker = self._outputs = None
+        if self._joint_states is not None:
+            self._joint_states.close()
+        self._worker = self._outputs = self._joint_states = None
 
     def changed(self) -> None:
         """Say so on /diagnostics."""
@@ -301,6 +309,8 @@ class TrackerNode(ManagedNode):
         if self._worker is not None and self.state == ACTIVE:
             self._tracker_diagnostics.report(self._worker)
             self._keypoints.report()
+            if self._joint_states is not None:
+                self._joint_states.report()
             self._camera_diagnostics.report(self._worker, self._parameters_of_node.cameras)
 
 
@@ -312,5 +322,6 @@ def _fixed_parameters(options: TrackerOptions) -> dict[str, FixedParameter]:
         "lossless": FixedParameter(options.inbox.lossless, "track every image set in order, however long it takes"),
         "compressed": FixedParameter(options.inbox.compressed, "subscribe to <cam>/image_raw/compressed"),
         "calibration": FixedParameter(calibration, "where the lenses are taken from", ("rig", "camera_info")),
+        "joint_states": FixedParameter(options.joint_states, "topic on which a robot says where its joints are; empty: none"),
         "frame_prefix": FixedParameter("", "before the name of the root link on /tf, as robot_state_publisher has it"),
     }

@@ -28,6 +28,7 @@ class TrackerOptions:
     rig, model, config, initial_state, occluders : as for `tracking.tracker.Tracker`; parameters given to the node win over
         ``config``.
     keypoints : as for the `Tracker`: what the points of a detector are on the body.
+    joint_states : topic on which a robot says where its joints are; "": none does.
     inbox : how images are received; ``inbox.lossless`` also makes every image set be tracked, in order.
     calibration_from_topics : lenses come from ``<cam>/camera_info`` instead of the rig, which gives the places only.
     autostart : configure and activate without being asked.
@@ -40,6 +41,7 @@ class TrackerOptions:
     initial_state: State | None = None
     occluders: ArticulatedModel | None = None
     keypoints: KeypointTable | None = None
+    joint_states: str = ""
     inbox: InboxOptions = field(default_factory=InboxOptions)
     calibration_from_topics: bool = False
     autostart: bool = True

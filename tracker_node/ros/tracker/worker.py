@@ -17,6 +17,7 @@ from ...runs.loop import StartRequest, TrackingLoop
 from ...runs.set_formation import SetFormation
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import Status, TrackEstimate
+from ..joint_states import JointStateInbox
 from .command_thread import CommandThread
 from .image_inbox import ImageInbox, Received
 from .point_matching import PointMatching
@@ -36,6 +37,7 @@ class TrackingWorker:
     lossless : every image set is tracked, in order; otherwise only the newest four of those that wait, and the others are
         counted: one that came late is made up for, a tracker that is too slow does not fall behind.
     points : of a detector, for the image sets, for which a lossless worker waits; None: none are used.
+    joint_states : of a robot, likewise.
 
     Attributes
     ----------
@@ -54,12 +56,14 @@ class TrackingWorker:
         initial_state: State,
         lossless: bool = False,
         points: PointMatching | None = None,
+        joint_states: JointStateInbox | None = None,
         on_error: Callable[[str], None] = lambda text: None,
     ):
         self._inbox, self._setup, self._on_estimate = inbox, setup, on_estimate
         self._initial_state, self._lossless, self._on_error = initial_state, lossless, on_error
         self._thread = CommandThread(lambda: inbox.take(timeout_s=0.1), inbox.wake, self._handle, self._finish, self._on_end)
         self._finishing, self._points, self._newest_ns = False, points, 0
+        self._joint_states = joint_states
         self._requests = StartRequests()
         self._loop = TrackingLoop(setup.tracker)
         self._not_yet: list[Received] = []
@@ -271,6 +275,8 @@ class TrackingWorker:
                 self._points.wait(image_set, self._ends)
             image_set = self._points.attached(image_set)
         self._newest_ns = image_set.stamp_ns
+        if self._joint_states is not None:
+            image_set = self._joint_states.attached(image_set, waits=self._lossless)
         request, began = loop.request, time.perf_counter()
         try:
             estimate = self.latest = loop.step(image_set)

@@ -23,6 +23,7 @@ from ...objective.constraints.prior import Prior
 from ..config import MotionConfig
 
 _ROTATION = slice(3, 6)
+_LIMIT_SIGMAS = 2.0  # standard deviations of a joint's velocity that its limit is
 _STILL, _FORGETS_S = 1.0, 1e-3  # m or rad per s^1.5, and seconds: a millimeter in a second, so that early errors fade
 
 
@@ -73,6 +74,8 @@ class Dynamics:
     def of(cls, config: MotionConfig, chain: KinematicChain, share: float = 1.0) -> Dynamics:
         """As configured for the root's translation (and joints that slide), its rotation, and the joints that turn.
 
+        No joint has more noise than suits the limit of its velocity.
+
         Parameters
         ----------
         config, chain : noise and time constants, and the axes.
@@ -88,17 +91,32 @@ class Dynamics:
         noise[3:6], memory_s[3:6] = config.root_angle_noise, config.root_angle_time_constant_s
         noise[N_ROOT_DOF:] = np.where(slides, config.root_position_noise, config.joint_noise)
         memory_s[N_ROOT_DOF:] = config.joint_time_constant_s
+        limits = np.array([axis.velocity_limit for axis in chain.axes])
+        noise[N_ROOT_DOF:] = np.minimum(noise[N_ROOT_DOF:], limits / (_LIMIT_SIGMAS * np.sqrt(0.5 * memory_s[N_ROOT_DOF:])))
         if config.base == "fixed":
             noise[:N_ROOT_DOF], memory_s[:N_ROOT_DOF] = _STILL, _FORGETS_S
         return cls(share * noise, memory_s)
 
-    def start(self, state: State, information: np.ndarray, spread: float = 1.0) -> Belief:
+    def unmoved(self, state: State, sigmas: np.ndarray) -> Belief:
+        """A body at rest, as far as is known, whose place is known without its images.
+
+        Parameters
+        ----------
+        state, sigmas : where it is, and (n_dof,) standard deviations of that.
+
+        Returns
+        -------
+        Its belief.
+        """
+        return self.start(state, np.zeros((sigmas.size, sigmas.size)), sigmas)
+
+    def start(self, state: State, information: np.ndarray, spread: float | np.ndarray = 1.0) -> Belief:
         """A body at rest, as far as is known: velocities are spread as the process spreads them in the long run.
 
         Parameters
         ----------
         state, information : the state, and (n_dof, n_dof) of what has been measured.
-        spread : the state's standard deviation before, in meters and radians.
+        spread : the state's standard deviation before, in meters and radians, or (n_dof,) of each degree of freedom.
 
         Returns
         -------
@@ -106,7 +124,7 @@ class Dynamics:
         """
         n = self.noise.size
         covariance = np.zeros((2 * n, 2 * n))
-        covariance[:n, :n] = _symmetric(np.linalg.inv(information + np.eye(n) / spread**2))
+        covariance[:n, :n] = _symmetric(np.linalg.inv(information + np.eye(n) / np.square(spread)))
         covariance[n:, n:] = np.diag(0.5 * self.noise**2 * self.memory_s)
         return Belief(state, np.zeros(n), covariance)
 
@@ -173,6 +191,31 @@ class Dynamics:
         qv = density * tau**2 * 0.5 * e * e
         vv = density * tau * -0.5 * np.expm1(-2.0 * x)
         return qq, qv, qv, vv
+
+
+def with_positions(belief: Belief, positions: np.ndarray, sigmas: np.ndarray) -> Belief:
+    """A belief after joints have been measured by themselves (a linear Kalman update).
+
+    Parameters
+    ----------
+    belief : before it.
+    positions : (n_axes,) radians or meters; NaN of axes that were not measured.
+    sigmas : (n_axes,) standard deviations.
+
+    Returns
+    -------
+    The belief, its mean in accordance with the measurement.
+    """
+    measured = np.flatnonzero(np.isfinite(positions))
+    rows, n = N_ROOT_DOF + measured, belief.velocity.size
+    innovation = positions[measured] - belief.state.joint_positions[measured]
+    covariance = belief.covariance
+    gain = np.linalg.solve(covariance[np.ix_(rows, rows)] + np.diag(sigmas[measured] ** 2), covariance[rows]).T
+    shift = gain @ innovation
+    kept = np.eye(2 * n)
+    kept[:, rows] -= gain
+    noise = (gain * sigmas[measured] ** 2) @ gain.T  # Joseph's form: stays positive for measurements that are nearly exact
+    return Belief(belief.state.retract(shift[:n]), belief.velocity + shift[n:], _symmetric(kept @ covariance @ kept.T + noise))
 
 
 def correct(belief: Belief, state: State, information: np.ndarray) -> Belief:

@@ -16,7 +16,7 @@ from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ...objective.constraints.prior import Prior
 from ..config import MotionConfig
-from .dynamics import Belief, Dynamics, correct
+from .dynamics import Belief, Dynamics, correct, with_positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,8 @@ class MotionModel:
 
     def __init__(self, chain: KinematicChain, config: MotionConfig):
         self._config, self._dynamics = config, Dynamics.of(config, chain)
+        slides = [axis.prismatic for axis in chain.axes]
+        self._joint_sigmas = np.where(slides, config.joint_state_sigma_m, np.radians(config.joint_state_sigma_deg))
         self.velocity = np.zeros(chain.n_dof)
         self._last: tuple[int, State] | None = None
         self._belief: Belief | None = None
@@ -81,19 +83,43 @@ class MotionModel:
         return None if self._belief is None else self._belief.velocity_covariance
 
     def predict(self, stamp_ns: int) -> Prediction | None:
-        """What is expected at ``stamp_ns``; None before the first update."""
-        if self._last is None:
-            return None
-        last_ns, state = self._last
-        elapsed_s = (stamp_ns - last_ns) * 1e-9
-        if self._belief is not None:
-            if self._expected is None or self._expected[0] != stamp_ns:
+        """What is expected at ``stamp_ns``; None before the first update, if nothing was said of that time."""
+        if self._expected is None or self._expected[0] != stamp_ns:
+            self._expected = None
+            if self._last is None:
+                return None
+            last_ns, state = self._last
+            elapsed_s = (stamp_ns - last_ns) * 1e-9
+            if self._belief is not None:
                 self._expected = stamp_ns, self._dynamics.propagate(self._belief, max(elapsed_s, 0.0))
+        if self._expected is not None:
             belief = self._expected[1]
             return Prediction(belief.state, belief.velocity, belief)
         step = self.velocity * elapsed_s
         step[N_ROOT_DOF:] *= self._config.velocity_decay
         return Prediction(state.retract(step), self.velocity)
+
+    def expect(self, stamp_ns: int, state: State, sigmas: np.ndarray) -> None:
+        """Say where a body is of which nothing is known yet.
+
+        Parameters
+        ----------
+        stamp_ns, state : of its first image set.
+        sigmas : (n_dof,) standard deviations, m and rad.
+        """
+        self._expected = stamp_ns, self._dynamics.unmoved(state, sigmas)
+
+    def read_joints(self, stamp_ns: int, positions: np.ndarray) -> None:
+        """Take in what a robot says of its joints, before the image set of that time is fitted.
+
+        Parameters
+        ----------
+        stamp_ns, positions : of the image set; (n_axes,) radians or meters, NaN where nothing is said.
+        """
+        predicted = self.predict(stamp_ns)
+        if predicted is not None:
+            belief = predicted.belief or self._dynamics.unmoved(predicted.state, np.ones_like(self.velocity))
+            self._expected = stamp_ns, with_positions(belief, positions, self._joint_sigmas)
 
     def update(self, stamp_ns: int, state: State, information: np.ndarray | None = None) -> None:
         """Take in the estimate for an image set.
@@ -107,7 +133,7 @@ class MotionModel:
         """
         predicted = self.predict(stamp_ns)
         if information is None:
-            self._belief = None
+            self._belief = self._expected = None
             self._follow(stamp_ns, state)
         elif predicted is None or predicted.belief is None:
             self._set(stamp_ns, replace(self._dynamics.start(state, information), velocity=self.velocity))
@@ -126,6 +152,7 @@ class MotionModel:
             self._set(stamp_ns, replace(predicted.belief, state=state))
         else:
             self.velocity, self._last = self._config.velocity_decay * self.velocity, (stamp_ns, state)
+            self._expected = None
 
     def take_over(self, other: MotionModel) -> None:
         """Know what ``other`` knows of a body with the same joints."""
@@ -139,7 +166,7 @@ class MotionModel:
         stamp_ns, state : where and when the body is from now on.
         """
         self.velocity = np.zeros_like(self.velocity)
-        self._last, self._belief = (stamp_ns, state), None
+        self._last, self._belief, self._expected = (stamp_ns, state), None, None
 
     def _set(self, stamp_ns: int, belief: Belief) -> None:
         self._belief, self.velocity, self._last = belief, belief.velocity, (stamp_ns, belief.state)

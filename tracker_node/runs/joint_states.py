@@ -1,0 +1,143 @@
+"""Joint states of a robot beside recorded images: from a CSV file or a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import FileFormatError, TrackerError, shown
+from ..loaders.bag.message_types import stamp_ns_of
+from ..loaders.bag.reader import BagReader
+from ..loaders.csv_file import CsvTable
+from ..model.articulated import ArticulatedModel
+from ..observation.image_set import ImageSet
+from ..observation.joint_states import JointStates
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+USUAL_TOPIC = "/joint_states"
+_NAMED = 8  # names in a message for people
+
+
+@dataclass(frozen=True)
+class JointStateFile:
+    """Where joint states come from.
+
+    Attributes
+    ----------
+    path : CSV file with ``stamp_ns`` and a column a joint, or a bag.
+    topic : of the bag; None: ``/joint_states``, or the only one of that type.
+    """
+
+    path: Path
+    topic: str | None = None
+
+
+def axes_of(model: ArticulatedModel) -> tuple[str, ...]:
+    """Names of what a robot may say something of."""
+    return tuple(axis.name for axis in model.chain.axes)
+
+
+def positions_of(message: Any, axes: Collection[str]) -> list[tuple[str, float]]:
+    """What a sensor_msgs/JointState says of a body's joints, live and from a bag.
+
+    Parameters
+    ----------
+    message, axes : the message; names of the body's axes.
+
+    Returns
+    -------
+    (name, radians or meters) of those of its joints that the body has.
+
+    Raises
+    ------
+    TrackerError : as many names as positions were expected, and at least one that the body has.
+    """
+    names, positions = list(message.name), np.asarray(message.position, dtype=np.float64)
+    if len(names) != len(positions):
+        raise TrackerError(f"joint states: expected a position for each of {len(names)} names, got {len(positions)}")
+    known = [(name, float(p)) for name, p in zip(names, positions, strict=True) if name in axes and np.isfinite(p)]
+    if not known:
+        raise TrackerError(f"joint states: expected positions of {_listed(axes)}, got those of {_listed(names)}")
+    return known
+
+
+def load_joint_states(file: JointStateFile, model: ArticulatedModel) -> JointStates:
+    """Read all joint states of a file.
+
+    Parameters
+    ----------
+    file, model : where they are; the body whose joints they are of.
+
+    Returns
+    -------
+    Their positions over time.
+
+    Raises
+    ------
+    TrackerError : a file that cannot be read, or that tells of no joint of the body.
+    """
+    if not file.path.exists():
+        raise FileFormatError(file.path, "joint states", "a CSV file or a bag", "nothing")
+    if file.path.is_dir() or file.path.suffix == ".mcap":
+        return _from_bag(file, model)
+    if file.topic is not None:
+        raise FileFormatError(file.path, "topic", "a bag, where a topic is given", f"a {file.path.suffix or 'plain'} file")
+    return _from_csv(file.path, model)
+
+
+def _from_csv(path: Path, model: ArticulatedModel) -> JointStates:
+    table, result = CsvTable(path, ("stamp_ns",)), JointStates()
+    columns = {}
+    for axis in model.chain.axes:
+        for name in (axis.name, f"{axis.name}_{axis.unit}"):
+            if name in table.header:
+                columns[axis.name] = table.header.index(name)
+    if not columns:
+        raise FileFormatError(path, "header", f"a column for one of {_listed(axes_of(model))}", _listed(table.header[1:]))
+    for row in table.rows():
+        result.add(row.integer(0), [(name, row.number(column)) for name, column in columns.items() if row.text[column]])
+    return result
+
+
+def _from_bag(file: JointStateFile, model: ArticulatedModel) -> JointStates:
+    result, axes = JointStates(), axes_of(model)
+    with BagReader(file.path) as reader:
+        topic = _topic_of(file, reader)
+        for stamp_ns, message in reader.decoded(topic):
+            try:
+                result.add(stamp_ns_of(message.header.stamp) or stamp_ns, positions_of(message, axes))
+            except TrackerError as error:
+                raise TrackerError(f"{file.path}: topic {topic}: {error}") from None
+    return result
+
+
+def _topic_of(file: JointStateFile, reader: BagReader) -> str:
+    topics = reader.topics_of_type(JOINT_STATE)
+    wanted = file.topic or (topics[0] if len(topics) == 1 else USUAL_TOPIC)
+    for topic in topics:
+        if f"/{topic}".lstrip("/") == wanted.lstrip("/"):
+            return topic
+    raise FileFormatError(file.path, "topics", f"{wanted} of {JOINT_STATE}", _listed(topics))
+
+
+def with_joint_states(states: JointStates, image_set: ImageSet) -> ImageSet:
+    """An image set beside what a robot says at its time.
+
+    Parameters
+    ----------
+    states, image_set : positions over time; the images.
+
+    Returns
+    -------
+    The image set with ``joint_positions``.
+    """
+    return replace(image_set, joint_positions=states.at(image_set.stamp_ns))
+
+
+def _listed(names: Collection[str]) -> str:
+    named = [shown(name) for name in list(names)[:_NAMED]]
+    return (", ".join(named) or "none") + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
