@@ -52,7 +52,7 @@ def test_a_parameter_is_one_where_a_modality_in_use_has_it(name):
     others = {"region": ["color"], "chamfer": ["region"], "color": ["texture"], "texture": ["color"]}
     of = DESCRIBED[name]["of"]
     if of:
-        without = others | dict.fromkeys(BASES, ["color"])
+        without = others | {key: ["color"] for key in BASES}
         wrong = {name: DESCRIBED[name]["default"], "modalities": without.get(of[0], ["chamfer"])}
         with pytest.raises(FileFormatError, match=f"modalities with .*{of[0]}.*, to which it belongs") as caught:
             from_dict(wrong, "my.yaml")
@@ -60,7 +60,7 @@ def test_a_parameter_is_one_where_a_modality_in_use_has_it(name):
 
 
 def test_parameters_of_another_base_are_refused_and_come_with_it():
-    with pytest.raises(FileFormatError, match="expected motion.base: free, to which it belongs, instead of fixed"):
+    with pytest.raises(FileFormatError, match=r"expected motion.base: free, to which it belongs, instead of fixed"):
         from_dict({"motion.base": "fixed", "motion.root_angle_noise": 1.0})
     free = from_dict({"motion.root_angle_noise": 3.0})
     fixed = updated(free, {"motion.base": "fixed", "motion.base_angle_sigma_deg": 4.0}, "x")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from ..loaders.bag.message_types import stamp_ns_of
 from ..loaders.bag.reader import BagReader
 from ..loaders.csv_file import CsvTable
 from ..model.articulated import ArticulatedModel
+from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..observation.joint_states import JointStates
 
@@ -141,3 +142,74 @@ def with_joint_states(states: JointStates, image_set: ImageSet) -> ImageSet:
 def _listed(names: Collection[str]) -> str:
     named = [shown(name) for name in list(names)[:_NAMED]]
     return (", ".join(named) or "none") + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+
+
+@dataclass(frozen=True, eq=False)
+class RobotImages:
+    """Image sets of a robot, and where its joints were.
+
+    Attributes
+    ----------
+    sets : a number of them, spread over the recording.
+    poses : (n_axes,) radians or meters by set and camera of the rig, at the camera's own stamp.
+    unsaid : joints that nothing is said of; they are as given.
+    """
+
+    sets: tuple[ImageSet, ...]
+    poses: tuple[tuple[np.ndarray, ...], ...]
+    unsaid: tuple[str, ...]
+
+
+def robot_images(
+    stream: Iterable[ImageSet], n_expected: int, n_sets: int, states: JointStates, cameras: Sequence[str], given: State,
+    model: ArticulatedModel,
+) -> RobotImages:  # fmt: skip
+    """Image sets of a recording, spread over it, with what a robot says at the times of their images.
+
+    Parameters
+    ----------
+    stream, n_expected : all image sets, and about how many there are.
+    n_sets : how many are wanted.
+    states : positions of joints over time.
+    cameras : names of the rig's.
+    given, model : where joints are that nothing is said of, but for those that others drive; the robot.
+
+    Returns
+    -------
+    As many sets as there are at most.
+
+    Raises
+    ------
+    TrackerError : nothing is said at the time of any image.
+    """
+    every, sets, poses = max(1, n_expected // n_sets), [], []
+    unsaid = tuple(name for name in axes_of(model) if name not in states.names)
+    for number, image_set in enumerate(stream):
+        if number % every or not (said := _said(states, image_set, cameras, given, model, unsaid)):
+            continue
+        sets.append(image_set)
+        poses.append(said)
+        if len(sets) == n_sets:
+            break
+    if not sets:
+        raise TrackerError("nothing is said of the joints at the time of any image; do both stamps come from one clock?")
+    return RobotImages(tuple(sets), tuple(poses), unsaid)
+
+
+def _said(
+    states: JointStates, image_set: ImageSet, cameras: Sequence[str], given: State, model: ArticulatedModel,
+    unsaid: Collection[str],
+) -> tuple[np.ndarray, ...]:
+    """Positions for every camera; empty where some joint has no reading near."""
+    result, axes = [], axes_of(model)
+    for name in cameras:
+        image = image_set.get(name)
+        said = states.at(image_set.stamp_ns if image is None else image.stamp_ns)
+        if len(said) < len(axes) - len(unsaid):
+            return ()
+        positions = np.array([said.get(axis, own) for axis, own in zip(axes, given.joint_positions, strict=True)])
+        for follower, leader, following in model.chain.couplings:
+            if axes[follower] in unsaid:
+                positions[follower] = following.multiplier * positions[leader] + following.offset
+        result.append(positions)
+    return tuple(result)

@@ -88,12 +88,21 @@ def motion(n_images: int) -> tuple[State, ...]:
     return tuple(states)
 
 
-def make_clip(folder: Path, n_images: int = 10, with_backgrounds: bool = True) -> Clip:
+def swinging(n_images: int) -> tuple[State, ...]:
+    """As `motion`, farther, on a trunk that stands still."""
+    root = se3.from_rotation_translation(so3.exp(np.array([0.0, 0.0, 0.4])), np.array([0.02, 0.0, 0.4]))
+    t = np.arange(n_images) / n_images
+    return tuple(State(root, np.array([0.9 * np.sin(6 * a), -1.0 + np.cos(5 * a), -1.0 + 0.7 * np.sin(9 * a)])) for a in t)
+
+
+def make_clip(
+    folder: Path, n_images: int = 10, with_backgrounds: bool = True, states: tuple[State, ...] = ()
+) -> Clip:  # fmt: skip
     """Render the clip into ``folder``: one folder of PNG files per camera, plates, and all the files that a run needs."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(8)
     lens = CameraModel(160, 120, np.array([[150.0, 0.0, 79.5], [0.0, 150.0, 59.5], [0.0, 0.0, 1.0]]))
-    model, states = body(), motion(n_images)
+    model, states = body(), states or motion(n_images)
     cameras = []
     for name, eye in CAMERAS.items():
         camera = look_at(eye, (0.0, 0.05, 0.4), lens, name)

@@ -18,6 +18,7 @@ from ...render.raycast.extent import body_extent
 from ...report.page import PageSection, write_page
 from .body_fit import BodyFit, BodyFitReport, LineMetrics
 from .rig_fit import RigFit
+from .robot_fit import RobotFit
 
 _MARGIN_PX = 20  # around a body
 _IMAGE_HEIGHT = 420  # pixels
@@ -189,6 +190,74 @@ def write_rig_report(
     images = before_and_after(image_sets, (given, rig, fit.states_before), (fit.model, fit.rig, fit.states))
     tables = [camera_table(fit), line_table("Contour lines", "camera", cameras)]
     write_page(path, "Rig from the images of a body", [note, *tables, *images])
+
+
+def write_robot_report(
+    path: str | Path, model: ArticulatedModel, rig: CameraRig, images: Sequence[ImageSet], fit: RobotFit
+) -> None:
+    """Write the HTML page of a robot's place.
+
+    Parameters
+    ----------
+    path : of the page.
+    model, rig, images : the robot, the cameras, and what it was fitted to.
+    fit : the result.
+    """
+    first, last = fit.overall
+    note = PageSection(
+        text=f"{len(images)} image sets, {last.count} contour lines: median {first.median_px:.2f} px where the base was said to"
+        f" be, {last.median_px:.2f} px where it is. Sigmas are by how much image sets, or cameras, contradict each other. The"
+        " turn of a base about its first joint, and that joint's zero, are hardly told apart."
+    )
+    sections = before_and_after(images, (model, rig, fit.states_before), (model, rig, fit.states))
+    tables = [robot_table(model, fit), line_table("Contour lines", "camera", fit.cameras)]
+    write_page(path, f"Place of {model.name} before the cameras", [note, *tables, *sections])
+
+
+def robot_table(model: ArticulatedModel, fit: RobotFit) -> PageSection:
+    """Place and offsets with their standard deviations.
+
+    Parameters
+    ----------
+    model, fit : the robot, and what was found.
+
+    Returns
+    -------
+    A table.
+    """
+    sigmas = fit.sigmas
+    rows = [
+        (f"base {axis}", f"{1e3 * fit.T_world_base[i, 3]:.1f} ± {1e3 * sigmas[i]:.1f} mm") for i, axis in enumerate("xyz")
+    ]
+    rows += [(f"base turned about {axis}", f"± {np.degrees(sigmas[3 + i]):.2f}°") for i, axis in enumerate("xyz")]
+    for i, axis in enumerate(model.chain.axes):
+        unit, factor = (" mm", 1e3) if axis.prismatic else ("°", 180.0 / np.pi)
+        rows.append((f"zero of {axis.name}", f"{factor * fit.offsets[i]:+.2f} ± {factor * sigmas[6 + i]:.2f}{unit}"))
+    return PageSection("Place", table=(("what", "found"), *rows))
+
+
+def robot_metrics(model: ArticulatedModel, fit: RobotFit) -> dict[str, float | int]:
+    """Flat metrics, ``robot.<what>``.
+
+    Parameters
+    ----------
+    model, fit : the robot, and what was found.
+
+    Returns
+    -------
+    Metrics in mm and degrees.
+    """
+    sigmas, found = fit.sigmas, fit.overall
+    metrics: dict[str, float | int] = {
+        "robot.sets": len(fit.states), "robot.lines": found[1].count, "robot.median_before_px": found[0].median_px,
+        "robot.median_after_px": found[1].median_px, "robot.place_sigma_mm": 1e3 * float(np.linalg.norm(sigmas[:3])),
+        "robot.turn_sigma_deg": float(np.degrees(np.linalg.norm(sigmas[3:6]))),
+    }  # fmt: skip
+    for i, axis in enumerate(model.chain.axes):
+        unit, factor = ("mm", 1e3) if axis.prismatic else ("deg", 180.0 / np.pi)
+        metrics[f"robot.{axis.name}.offset_{unit}"] = factor * float(fit.offsets[i])
+        metrics[f"robot.{axis.name}.offset_sigma_{unit}"] = factor * float(sigmas[6 + i])
+    return metrics
 
 
 def body_metrics(fit: BodyFit) -> dict[str, float | int]:

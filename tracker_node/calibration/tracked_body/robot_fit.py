@@ -1,0 +1,243 @@
+"""Where the base of a robot stands in the world of the cameras, from images in which it says where its joints are.
+
+The robot is the calibration object: its size and its poses are known, but for a place that all image sets share, and for the
+zeros of its joints, which may be off a little. Lines are drawn at its contours, all sets solved for at once with the lines held,
+and the lines drawn anew. Where cameras stand in the robot's frame (hand-eye calibration with cameras beside the robot) follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...camera.rig import CameraRig
+from ...errors import TrackerError
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...model.shape_parameters import ShapeSpace
+from ...objective.constraints.prior import CouplingObjective, Prior
+from ...objective.shape_jacobian import ContourLines, linearize_lines, normal_equations
+from ...observation.image_set import ImageSet
+from ...optimize.levenberg_marquardt import clip_to_limits
+from ...tracking.config import TrackerConfig
+from .body_fit import LineMetrics, Progress, line_metrics
+from .lines import LineEvidence, RegionEvidence
+
+Poses = Sequence[Sequence[np.ndarray]]
+"""(n_axes,) positions of the joints by image set and camera, radians or meters: a moving robot is elsewhere for a late camera."""
+_LEAST_LINES = 50  # of all sets together
+
+
+@dataclass(frozen=True)
+class RobotFitOptions:
+    """How to fit.
+
+    Parameters
+    ----------
+    offset_sigma_rad, offset_sigma_m : how far the zeros of joints may be off, standard deviations; 0: they are right.
+    place_sigma_m, place_sigma_rad : how far the base may be from where it is said to be.
+    robust_px : scales of the robust kernel, from coarse to fine, pixels; the images are observed anew for each.
+    rounds : how often lines are drawn anew for each of these.
+    correlation : how many neighboring lines share one error.
+    config : how the images are processed.
+    """
+
+    offset_sigma_rad: float = np.radians(0.5)
+    offset_sigma_m: float = 0.001
+    place_sigma_m: float = 0.3
+    place_sigma_rad: float = 0.3
+    robust_px: tuple[float, ...] = (24.0, 12.0, 6.0, 3.0, 3.0)
+    rounds: int = 4
+    correlation: float = 8.0
+    config: TrackerConfig = field(default_factory=TrackerConfig)
+
+
+@dataclass(frozen=True, eq=False)
+class RobotFit:
+    """A fitted place.
+
+    Attributes
+    ----------
+    T_world_base : (4, 4).
+    offsets : (n_axes,) what has to be added to what the robot says of each joint, radians or meters.
+    covariance : (n_dof, n_dof) of the tangent of the base's place, and of the offsets.
+    states, states_before : of every image set at its stamp.
+    cameras : camera -> its lines before and after.
+    overall : all lines before and after.
+    """
+
+    T_world_base: np.ndarray
+    offsets: np.ndarray
+    covariance: np.ndarray
+    states: tuple[State, ...]
+    states_before: tuple[State, ...]
+    cameras: Mapping[str, tuple[LineMetrics, LineMetrics]]
+    overall: tuple[LineMetrics, LineMetrics]
+
+    @property
+    def sigmas(self) -> np.ndarray:
+        """(n_dof,) standard deviations."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def fit_robot(
+    model: ArticulatedModel,
+    rig: CameraRig,
+    image_sets: Sequence[ImageSet],
+    poses: Poses,
+    T_world_base: np.ndarray,
+    options: RobotFitOptions | None = None,
+    progress: Progress | None = None,
+    evidence: LineEvidence | None = None,
+) -> RobotFit:
+    """The place of a robot's base, by what the robot says of its joints.
+
+    Parameters
+    ----------
+    model, rig : the robot and the cameras.
+    image_sets, poses : ten to thirty sets with different poses, and what the robot says in each.
+    T_world_base : (4, 4) about where its base is: within a tenth of its size, and 15 degrees.
+    options : priors and rounds.
+    progress : called with what is done, how often it has been done, and how often it will be.
+    evidence : of the contours; default: the colors on either side of them, without images of the empty scene.
+
+    Returns
+    -------
+    The place, the offsets of its joints, and their covariance.
+
+    Raises
+    ------
+    ValueError : no sets, or not one pose each. TrackerError : the robot is hardly seen in them.
+    """
+    options = options or RobotFitOptions()
+    if not image_sets or len(image_sets) != len(poses):
+        raise ValueError(f"expected image sets with a pose each, got {len(image_sets)} sets and {len(poses)} poses")
+    fit = _Fit(model, rig, poses, options, evidence or RegionEvidence(image_sets, options.config))
+    start = State(np.array(T_world_base, dtype=np.float64), np.zeros(len(model.chain.axes)))
+    found, total = start, len(options.robust_px) * options.rounds
+    fit.look(start, options.robust_px[-1])
+    before = fit.linearized(start, start, options.robust_px[-1])
+    for stage, robust_px in enumerate(options.robust_px):
+        fit.look(found, robust_px)
+        for done in range(options.rounds):
+            found = fit.stepped(found, start, robust_px)
+            if progress is not None:
+                progress("place", stage * options.rounds + done + 1, total)
+    after = fit.linearized(found, start, options.robust_px[-1])
+    if len(after.residuals) < _LEAST_LINES:
+        raise TrackerError(f"the robot is hardly seen in these images: {len(after.residuals)} contour lines in {len(poses)} sets")
+    cameras = {name: (before.of_camera(i), after.of_camera(i)) for i, name in enumerate(rig.names)}
+    return RobotFit(
+        found.T_world_root, found.joint_positions, after.covariance(), tuple(fit.states(found)), tuple(fit.states(start)),
+        cameras, (line_metrics(before.residuals), line_metrics(after.residuals)),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """Normal equations of all lines; ``H_prior`` is within ``H``. ``by_set`` and ``by_camera``: gradients of their lines alone.
+    ``H_camera``: of each camera's lines."""
+
+    H: np.ndarray
+    g: np.ndarray
+    H_prior: np.ndarray
+    by_set: np.ndarray
+    by_camera: np.ndarray
+    H_camera: np.ndarray
+    residuals: np.ndarray
+    camera: np.ndarray
+
+    def of_camera(self, index: int) -> LineMetrics:
+        return line_metrics(self.residuals[self.camera == index])
+
+    def covariance(self) -> np.ndarray:
+        """By how much image sets contradict each other (cluster-robust sandwich: Liang and Zeger, 1986), and cameras, whichever
+        is more: of what a camera sees wrongly, much is the same in all its images. These by the jackknife."""
+        inverse, n, m = np.linalg.inv(self.H), len(self.by_set), len(self.by_camera)
+        scores = self.by_set - self.by_set.mean(axis=0)
+        spread = scores.T @ scores * (n / max(n - 1, 1)) + self.H_prior
+        by_sets = inverse @ spread @ inverse
+        if m < 2:
+            return by_sets
+        pairs = zip(self.H_camera, self.by_camera, strict=True)
+        without = np.array([-np.linalg.solve(self.H - H, self.g - g) for H, g in pairs])
+        apart = np.sqrt((m - 1) / m * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
+        factors = np.maximum(apart / np.sqrt(np.diag(by_sets)), 1.0)
+        return factors[:, None] * by_sets * factors
+
+
+class _Fit:
+    """The lines of all image sets around a place and offsets, both in one `State`."""
+
+    def __init__(
+        self, model: ArticulatedModel, rig: CameraRig, poses: Poses, options: RobotFitOptions, evidence: LineEvidence
+    ):  # fmt: skip
+        self._model, self._rig, self._poses, self._options, self._evidence = model, rig, poses, options, evidence
+        self._space = ShapeSpace(model, False, ())
+        slides = np.array([axis.prismatic for axis in model.chain.axes], dtype=bool)
+        sigmas = np.where(slides, options.offset_sigma_m, options.offset_sigma_rad)
+        place = [options.place_sigma_m] * 3 + [options.place_sigma_rad] * 3
+        self._information = np.concatenate([place, np.where(sigmas > 0.0, sigmas, 1e-6)]) ** -2.0
+        self._coupling = CouplingObjective(model.chain) if model.chain.couplings else None
+
+    def _state(self, place: State, said: np.ndarray) -> State:
+        return clip_to_limits(State(place.T_world_root, said + place.joint_positions), self._model.chain)
+
+    def states(self, place: State) -> list[State]:
+        """At the stamps of the sets."""
+        return [self._state(place, poses[0]) for poses in self._poses]
+
+    def _by_camera(self, place: State) -> list[list[State]]:
+        return [[self._state(place, said) for said in poses] for poses in self._poses]
+
+    def look(self, place: State, robust_px: float) -> None:
+        self._evidence.look(self._model, self._rig, self._by_camera(place), robust_px)
+
+    def linearized(self, place: State, start: State, robust_px: float) -> _Equations:
+        n, states = self._model.n_dof, self._by_camera(place)
+        by_set, H_camera, by_camera = np.zeros((len(states), n)), np.zeros((len(self._rig), n, n)), np.zeros((len(self._rig), n))
+        residuals, cameras = [], []
+        for k, own in enumerate(states):
+            lines = self._evidence.lines(k, self._model, self._rig, own)
+            found = linearize_lines(lines, self._space, np.zeros(len(self._space)), self._model, self._rig, own)
+            weights = np.where(found.valid, self._weights(found.residuals, lines, robust_px), 0.0)
+            for i in range(len(self._rig)):
+                rows, g = lines.camera == i, np.zeros(n)
+                normal_equations(found.by_state[rows], found.residuals[rows], weights[rows], H_camera[i], g)
+                by_set[k] += g
+                by_camera[i] += g
+            residuals.append(found.residuals[found.valid])
+            cameras.append(lines.camera[found.valid])
+        H_prior, g = np.zeros((n, n)), np.zeros(n)
+        Prior(start, self._information).add_to(H_prior, g, place)
+        if self._coupling is not None:  # of offsets as well: one gear drives both
+            H_prior += self._coupling.linearize(states[0][0]).H
+        H, g = H_camera.sum(axis=0) + H_prior, by_camera.sum(axis=0) + g
+        return _Equations(H, g, H_prior, by_set, by_camera, H_camera, np.concatenate(residuals), np.concatenate(cameras))
+
+    def stepped(self, place: State, start: State, robust_px: float) -> State:
+        equations = self.linearized(place, start, robust_px)
+        return place.retract(-np.linalg.solve(equations.H, equations.g))
+
+    def _weights(self, residuals: np.ndarray, lines: ContourLines, robust_px: float) -> np.ndarray:
+        """Geman-McClure kernel, in information units; lines of large variance have a larger scale."""
+        scale = np.maximum(robust_px**2, 4.0 * lines.variances)
+        return (scale / (scale + residuals**2)) ** 2 / (self._options.correlation * lines.variances)
+
+
+def rig_on_base(rig: CameraRig, fit: RobotFit) -> dict[str, np.ndarray]:
+    """Where the cameras stand in the robot's frame.
+
+    Parameters
+    ----------
+    rig, fit : the cameras in their world; the robot in it.
+
+    Returns
+    -------
+    Camera -> T_base_cam (4, 4).
+    """
+    T_base_world = np.linalg.inv(fit.T_world_base)
+    return {camera.name: T_base_world @ camera.T_world_cam for camera in rig}
+
