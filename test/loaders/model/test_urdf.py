@@ -317,6 +317,23 @@ def test_a_joint_that_cannot_move_is_welded_where_it_stands(tmp_path, kind, plac
     np.testing.assert_allclose(T[:3, 0], [np.cos(turn), 0.0, -np.sin(turn)], atol=1e-12)
 
 
+@pytest.mark.parametrize("infinite", ["1e16", "inf", "6283.2"])
+def test_a_turn_between_infinite_limits_has_no_end(tmp_path, infinite):
+    assert urdf(tmp_path, joined("revolute", "0 1 0", f"-{infinite}", infinite)).chain.axes[0].endless
+
+
+def test_a_model_file_names_a_description_and_the_geometry_that_is_seen(tmp_path):
+    collision = "<collision><geometry><sphere radius='0.2'/></geometry></collision>"
+    (tmp_path / "small.urdf").write_text(f'<robot name="small"><link name="a">{BOX}{collision}</link></robot>')
+    for text, kind in (("", Box), ("geometry: visual", Box), ("geometry: collision", Ellipsoid)):
+        (tmp_path / "robot.yaml").write_text(f"urdf: small.urdf\n{text}\n")
+        assert [type(shape.primitive) for shape in load_model(tmp_path / "robot.yaml").shapes] == [kind]
+    for text, said in (("urdf: other.urdf", "urdf': expected an existing file"), ("urdf: small.urdf\nlinks: [a]", "links")):
+        (tmp_path / "robot.yaml").write_text(text)
+        with pytest.raises(FileFormatError, match=said):
+            load_model(tmp_path / "robot.yaml")
+
+
 @pytest.mark.parametrize(("stated", "limit"), [("2.5", 2.5), ("0", np.inf), ("inf", np.inf), ("100", np.inf)])
 def test_how_fast_a_joint_is_comes_back(tmp_path, stated, limit):
     model = urdf(tmp_path, joined("revolute", "0 1 0", -1, 1).replace('velocity="1"', f'velocity="{stated}"'))

@@ -225,6 +225,15 @@ class LandmarkEntry(FileModel):
     xyz: Vector  # type: ignore[valid-type]
 
 
+class DescribedFile(FileModel):
+    """A model file that names a robot description, and which of its geometries is seen."""
+
+    KIND: ClassVar[str] = BODY
+
+    urdf: str
+    geometry: Literal["visual", "collision"] = "visual"
+
+
 class ModelFile(FileModel):
     """A whole model file."""
 

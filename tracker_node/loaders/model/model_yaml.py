@@ -17,12 +17,14 @@ from ...model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitiv
 from ..file_model import validate
 from ..yaml_file import Inline, read_mapping, write_mapping
 from .mesh_file import read_mesh, read_texture, write_mesh, write_texture
-from .model_file import AxisEntry, BoxEntry, ConeEntry, EllipsoidEntry, LoftEntry, ModelFile, ShapeEntry
+from .model_file import AxisEntry, BoxEntry, ConeEntry, DescribedFile, EllipsoidEntry, LoftEntry, ModelFile, ShapeEntry
 from .urdf import load_urdf
 
 
 def load_model(path: str | Path) -> ArticulatedModel:
     """Body of a model file or of a robot description (``.urdf``); meshes and textures are searched relative to its folder.
+
+    A model file may name a description, with the geometry that is seen.
 
     Raises
     ------
@@ -30,12 +32,14 @@ def load_model(path: str | Path) -> ArticulatedModel:
     """
     if Path(path).suffix.lower() in (".urdf", ".xacro"):
         return load_urdf(path)
-    return _build_model(_read_model_file(path), path)
-
-
-def _read_model_file(path: str | Path) -> ModelFile:
-    """The validated content of a model file (raises as `load_model`)."""
-    return validate(ModelFile, read_mapping(path), path)
+    content = read_mapping(path)
+    if "urdf" in content:
+        described = validate(DescribedFile, content, path)
+        urdf = Path(path).parent / described.urdf
+        if not urdf.is_file():
+            raise FileFormatError(path, "urdf", "an existing file", urdf)
+        return load_urdf(urdf, described.geometry)
+    return _build_model(validate(ModelFile, content, path), path)
 
 
 def _build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:

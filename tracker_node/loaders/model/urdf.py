@@ -6,8 +6,10 @@ wiki.ros.org/urdf/XML; <capsule> and ``type="spherical"`` are pybullet's, <ellip
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -160,8 +162,17 @@ def _mesh_path(node: Node) -> Path:
 _TYPES = ("revolute", "continuous", "prismatic", "spherical", "fixed", "floating")
 
 
-def load_urdf(path: str | Path) -> ArticulatedModel:
-    """Model of a robot description. Shapes are the visual geometry, or the collision geometry in a file without any visual.
+def load_urdf(path: str | Path, geometry: str = "visual") -> ArticulatedModel:
+    """Model of a robot description.
+
+    Parameters
+    ----------
+    path : the file.
+    geometry : "visual", or "collision" in a file without any visual; "collision": that.
+
+    Returns
+    -------
+    The robot; its limits of velocity, too.
 
     Raises
     ------
@@ -173,7 +184,7 @@ def load_urdf(path: str | Path) -> ArticulatedModel:
     links, joint_nodes = _by_name(robot, "link"), _by_name(robot, "joint")
     if not links:
         raise robot.error("at least one <link>", "none")
-    shapes = _shapes(robot, links)
+    shapes = _shapes(robot, links, geometry)
     joints = [_joint(joint, node, links) for joint, node in joint_nodes.items()]
     for joint, node in joint_nodes.items():
         if node.text("type") == "floating":
@@ -199,9 +210,10 @@ def _by_name(robot: Node, tag: str) -> dict[str, Node]:
     return nodes
 
 
-def _shapes(robot: Node, links: dict[str, Node]) -> list[Shape]:
+def _shapes(robot: Node, links: dict[str, Node], kind: str) -> list[Shape]:
     materials = read_materials(robot)
-    kind = "visual" if any(link.all("visual") for link in links.values()) else "collision"
+    if kind == "visual" and not any(link.all("visual") for link in links.values()):
+        kind = "collision"
     shapes = [shape for link in links.values() for shape in read_shapes(link, kind, materials)]
     if not shapes:
         expected = "a <visual> or <collision> with <geometry> in at least one link: a body without a surface cannot be seen"
@@ -245,15 +257,24 @@ def _axes(name: str, kind: str, node: Node) -> tuple[tuple[Axis, ...], np.ndarra
         fastest = _velocity_limit(node.one("limit"))
         return (Axis(name, direction, -ENDLESS_RAD, ENDLESS_RAD, mimic=mimic, velocity_limit=fastest),), np.eye(4)
     limit = node.needed("limit")
-    lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    slides = kind == "prismatic"
+    lower, upper = (limit.number(end, 0.0) if slides else _stop(limit, end) for end in ("lower", "upper"))
     if lower > upper:
         raise limit.error(f"an upper limit >= the lower one ({lower:g})", upper, "upper")
-    slides = kind == "prismatic"
     if lower == upper:
         motion = lower * np.array(direction)
         return (), se3.exp(np.append(motion, np.zeros(3)) if slides else np.append(np.zeros(3), motion))
     neutral, fastest = min(max(0.0, lower), upper), _velocity_limit(limit)
     return (Axis(name, direction, lower, upper, neutral, 0.0, slides, mimic, fastest),), np.eye(4)
+
+
+def _stop(limit: Node, end: str) -> float:
+    """Where a turn ends, rad; what exporters state as infinite is a turn without end."""
+    with suppress(ValueError):
+        stated = float(limit.element.get(end, "0"))
+        if abs(stated) >= ENDLESS_RAD:
+            return math.copysign(ENDLESS_RAD, stated)
+    return limit.number(end, 0.0)
 
 
 def _velocity_limit(limit: Node | None) -> float:
