@@ -25,6 +25,7 @@ LOW, HIGH, FIRST, COUNT = 0, 3, 6, 7
 N_NODE_COLUMNS = 8
 N_TRIANGLE_COLUMNS = 9  # a corner, and the edges to the other two
 
+_FEW_FACES = 3000  # of a mesh whose pixels are marked, to a pixel or so
 _MOST_FACES = 8000  # of a mesh whose contours are drawn; of more, so many are left, which stay far within a pixel of them
 _FLAT_RAD = 1e-5  # faces that make less of an angle are one face
 _CREASE_RAD = np.radians(30.0)
@@ -85,6 +86,18 @@ def solid_of(primitive: Box | Mesh) -> Solid:
     return Solid(edges, triangles, nodes, closed, closed and locally_convex and _is_convex(vertices, normals, offsets))
 
 
+def light_mesh(mesh: Mesh) -> Mesh:
+    """The same surface without colors, with few vertices and faces; a small mesh as it is.
+
+    Files give every face corners of its own, so that colors and normals may end at its edges.
+    """
+    if len(mesh.faces) <= _FEW_FACES:
+        return mesh
+    vertices, faces = _simplified(*_welded(mesh), _FEW_FACES)
+    used, index = np.unique(faces, return_inverse=True)
+    return Mesh(vertices[used], index.reshape(faces.shape))
+
+
 def _welded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     vertices, index = np.unique(np.round(mesh.vertices, 9), axis=0, return_inverse=True)
     faces = index.reshape(-1)[mesh.faces].astype(np.int64).reshape(-1, 3)
@@ -99,14 +112,14 @@ def _normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
     return normals / np.where(areas > 0.0, areas, 1.0)[:, None], areas
 
 
-def _simplified(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A mesh of at most `_MOST_FACES`, or the given one where that would open it."""
-    if len(faces) <= _MOST_FACES:
+def _simplified(vertices: np.ndarray, faces: np.ndarray, most: int = _MOST_FACES) -> tuple[np.ndarray, np.ndarray]:
+    """A mesh of at most so many faces, or the given one where that would open it."""
+    if len(faces) <= most:
         return vertices, faces
     import fast_simplification  # few models need it
 
     middle = vertices.mean(axis=0)  # it computes in float32
-    points, left = fast_simplification.simplify(vertices - middle, faces, target_count=_MOST_FACES)
+    points, left = fast_simplification.simplify(vertices - middle, faces, target_count=most)
     points, left = np.asarray(points, dtype=np.float64) + middle, np.asarray(left, dtype=np.int64)
     left = left[_normals(points, left)[1] > 0.0]
     if len(_sides(left)[1]) and not len(_sides(faces)[1]):

@@ -6,7 +6,7 @@ Distortion is honored exactly: a pixel's ray comes from a table that is made onc
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba as nb
 import numpy as np
@@ -19,6 +19,7 @@ from ...model.configuration import Configuration
 from ...model.shapes.primitives import Box, Mesh, is_closed
 from ..renderer import ColoredView, Region, RenderedView
 from ..shape_arrays import OTHER, MadeOnce, RayTable, ShapeArrays, ray_table
+from ..solids import light_mesh
 from .coefficients import BOX, INVISIBLE, N_COEFFICIENTS, farthest_depth, normalized_box, pixel_box, shape_coefficients
 from .kernels import LABEL_BITS, LANES, draw_shape, unpack_depth, unpack_labels, unpack_mask
 from .lighting import lights_in_camera
@@ -50,7 +51,15 @@ def _make_drawables(model: ArticulatedModel) -> _Drawables:
     return _Drawables(kinds, dims, meshes, closed, sum(len(mesh.faces) for mesh in meshes.values()))
 
 
+def _make_light_drawables(model: ArticulatedModel) -> _Drawables:
+    """The same with meshes of few faces."""
+    full = _drawables(model)
+    meshes = {i: light_mesh(mesh) for i, mesh in full.meshes.items()}
+    return replace(full, meshes=meshes, n_triangles=sum(len(mesh.faces) for mesh in meshes.values()))
+
+
 _drawables: Callable[[ArticulatedModel], _Drawables] = MadeOnce(_make_drawables)
+_light_drawables: Callable[[ArticulatedModel], _Drawables] = MadeOnce(_make_light_drawables)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -138,7 +147,7 @@ class Cast:
     triangles: np.ndarray
 
 
-def cast(configuration: Configuration, camera: Camera, region: Region, frames: bool = True) -> Cast:
+def cast(configuration: Configuration, camera: Camera, region: Region, frames: bool = True, light: bool = False) -> Cast:
     """Cast the rays of a part of an image against a body.
 
     Parameters
@@ -147,12 +156,13 @@ def cast(configuration: Configuration, camera: Camera, region: Region, frames: b
     camera : with its lens and pose.
     region : (u0, v0, u1, v1) of the image.
     frames : fill what `shading.surface_at` needs.
+    light : meshes of many triangles are drawn with few, to a pixel or so; without frames.
 
     Returns
     -------
     What is in front at each pixel, and what it was made of.
     """
-    table, drawables = ray_table(camera.model), _drawables(configuration.model)
+    table, drawables = ray_table(camera.model), (_light_drawables if light else _drawables)(configuration.model)
     n = len(drawables.kinds)
     T_cam_world, Ts_world_shape = camera.T_cam_world, configuration.Ts_world_shape
     coefficients = np.zeros((n, N_COEFFICIENTS), dtype=np.float32)
@@ -288,6 +298,8 @@ class RaycastRenderer:
 def render_labels(configuration: Configuration, camera: Camera, margin_px: int = 0) -> tuple[Region, np.ndarray] | None:
     """Where a body is in the image, and its labels there: what tracking asks for, in the least time.
 
+    Meshes of many triangles are drawn with few of them.
+
     Parameters
     ----------
     configuration : the posed body.
@@ -302,7 +314,7 @@ def render_labels(configuration: Configuration, camera: Camera, margin_px: int =
     None when no part of the body is in the image.
     """
     model = camera.model
-    found = cast(configuration, camera, (0, 0, model.width, model.height), frames=False)
+    found = cast(configuration, camera, (0, 0, model.width, model.height), frames=False, light=True)
     u0, v0, u1, v1 = found.region
     if u0 == u1 or v0 == v1:
         return None
