@@ -380,6 +380,10 @@ class ColorConfig(ColorOverBackgroundConfig):
         "blend", "raw: RGB; normalized: each pixel divided by its intensity, so that white light cancels; blend: both, weighted",
         choices=("raw", "normalized", "blend"),
     )  # fmt: skip
+    fit_gain: bool = parameter(
+        True, "compare raw colors in the gain of each camera, and within a fifth of each channel, that suits best: exposures and"
+        " white balances need not be known",
+    )  # fmt: skip
     optimizer: str = parameter(
         "alignment",
         "alignment: Levenberg-Marquardt on an image pyramid; stepping: downhill, with the V-algorithm; simplex: Nelder-Mead",

@@ -132,15 +132,15 @@ def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig
     options = PhotometryOptions(*what, color.levels, robust_scale=color.robust_scale)
     search: ColorSearch
     if color.optimizer != "alignment":
-        scores = MaskScores(ColorObjective(model, rig, ColorOptions(*what), workers=workers))
-        modality = ColorModality(rig, model, color, options, workers.map, scores)
+        scores = MaskScores(ColorObjective(model, rig, ColorOptions(*what, gained=color.fit_gain), workers=workers))
+        modality = ColorModality(rig, model, color, options, workers.map, scores, fit_gain=color.fit_gain)
         search = ScoreSearch(model, color, modality, scores.score)
     elif model.chain.n_axes == 0:
         rigid = RigidScores(model, rig, color, workers)
-        modality = ColorModality(rig, model, color, options, workers.map, rigid)
+        modality = ColorModality(rig, model, color, options, workers.map, rigid, fit_gain=color.fit_gain)
         search = RigidSearch(model, color, modality, rigid)
     else:
-        modality = ColorModality(rig, model, color, options, workers.map)
+        modality = ColorModality(rig, model, color, options, workers.map, fit_gain=color.fit_gain)
         search = AlignmentSearch(model, color, modality)
     judge = ColorJudge(rig, model, color, modality)
     return Engine([modality], ColorSolver(model, color, modality, search), judge, False)

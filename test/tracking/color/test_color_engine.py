@@ -209,3 +209,23 @@ def test_a_rigid_body_is_found_from_far_off():
     off = estimate.state.difference(truth)
     assert np.linalg.norm(off[:3]) < 0.005 and np.linalg.norm(off[3:]) < np.deg2rad(1.0)
     assert estimate.status is Status.TRACKING, estimate.status_reason
+
+
+@pytest.mark.parametrize("optimizer", ["alignment", "stepping"])
+def test_a_body_of_known_colors_is_found_in_light_that_nobody_knows(arm, optimizer):
+    """Images of half the levels, one camera's in other colors."""
+    made, sets = arm
+    factors = {"cam01": 0.5, "cam02": (0.45, 0.5, 0.57), "cam03": 0.6}
+
+    def dim(image: CameraImage) -> CameraImage:
+        return replace(image, pixels=np.rint(image.pixels * np.asarray(factors[image.camera])).astype(np.uint8))
+
+    start = made.states[0].retract(np.array([0.02, -0.02, 0.01, 0.05, -0.05, 0.05, 0.1, -0.1, 0.1]))
+    off = {}
+    for fit_gain in (True, False):
+        values = {"color.optimizer": optimizer, "color.levels": 3, "color.fit_gain": fit_gain, "color.representation": "raw"}
+        tracker = Tracker(made.rig, made.model, from_dict({"modalities": ["color"]} | values), None, start)
+        found = [tracker.step(replace(s, images=tuple(map(dim, s.images)))) for s in sets][-1]
+        tips = [Configuration(made.model, s).landmarks_world for s in (found.state, made.states[2])]
+        off[fit_gain] = np.linalg.norm(tips[0] - tips[1], axis=1).max()
+    assert off[True] < 0.02 and off[True] < off[False] and found.status is not Status.TRACKING

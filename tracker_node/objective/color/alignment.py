@@ -19,6 +19,7 @@ from ...model.configuration import Configuration, State
 from ...parallel import Workers
 from ...render.raycast.coefficients import N_COEFFICIENTS
 from ..contour_residual import assemble
+from ..gains import gains_of, squares_left
 from ..normal_equations import NormalEquations
 from . import alignment_kernels as sums
 from . import drawing as kernel
@@ -35,7 +36,7 @@ class PhotometricOptions:
 
     Attributes
     ----------
-    representation, normalized_weight, min_pixels : as in `score.ColorOptions`.
+    representation, normalized_weight, min_pixels, gained : as in `score.ColorOptions`.
     levels : of the pyramid; level 0 is the image, each next one has half its width and height.
     """
 
@@ -43,6 +44,7 @@ class PhotometricOptions:
     normalized_weight: float = 0.5
     min_pixels: int = 30
     levels: int = 4
+    gained: bool = False
 
 
 class PhotometricObjective:
@@ -104,7 +106,10 @@ class _Level:
         self.constants = ColorConstants(model, rig, options.representation, options.normalized_weight, owner.colors_rgb)
         constants = self.constants
         self.weights = np.array(constants.weights, dtype=np.float32)
-        self.form = form_of(constants.n_directional, constants.n_spots, False, constants.weights[0] > 0, constants.weights[1] > 0)
+        self.gained = options.gained and constants.weights[0] > 0.0
+        self.form = form_of(
+            constants.n_directional, constants.n_spots, False, constants.weights[0] > 0, constants.weights[1] > 0, self.gained
+        )
         n = len(model.shapes)
         self.used = np.ones(n, dtype=np.bool_)
         self.work = [
@@ -125,8 +130,8 @@ class _Level:
         self.seen = [i for i, image in enumerate(images) if image is not None]
         self.stale = False
 
-    def camera_sums(self, index: int, configuration: Configuration, Ts_world_shape: np.ndarray) -> None:
-        """Fill the sums of one camera."""
+    def camera_sums(self, index: int, configuration: Configuration, Ts_world_shape: np.ndarray, gains: np.ndarray) -> None:
+        """Fill the sums of one camera; ``gains`` (n_cameras, 3) float32 of the images."""
         constants, views = self.constants, self.views
         outcome = kernel.NOT_SMOOTH
         if constants.vectorized:
@@ -138,10 +143,13 @@ class _Level:
                     constants.base[index],
                 ),
                 (views.views[index], views.rays, views.planes),
-                constants.directed, self.weights, Ts_world_shape, self.work[index], self.sums[index],
+                constants.directed, self.weights, gains[index], Ts_world_shape, self.work[index], self.sums[index],
             )  # fmt: skip
         if outcome == kernel.NOT_SMOOTH:
-            linearize_with_cast(configuration, self.rig.cameras[index], constants, index, views, self.weights, self.sums[index])
+            linearize_with_cast(
+                configuration, self.rig.cameras[index], constants, index, views, self.weights, gains[index], self.gained,
+                self.sums[index],
+            )  # fmt: skip
 
 
 class LevelObjective:
@@ -154,22 +162,39 @@ class LevelObjective:
     def __init__(self, level: _Level):
         self._level = level
         self._pixels = 0.0
+        self._gains = np.ones((len(level.rig), 3), dtype=np.float32)  # as of the state before: near the best there is
+
+    def _sum(self, configuration: Configuration) -> float:
+        """Fill the sums of all cameras; the squares that remain when images have their best gains."""
+        level, workers = self._level, self._level.owner.workers
+        Ts_world_shape, gains = np.ascontiguousarray(configuration.Ts_world_shape), self._gains
+        if self._pixels > _WORTH_THREADS:
+            workers.map(lambda i: level.camera_sums(i, configuration, Ts_world_shape, gains), level.seen)
+        else:
+            for i in level.seen:
+                level.camera_sums(i, configuration, Ts_world_shape, gains)
+        squares = sum(float(level.sums[i, :, sums.SQUARES].sum()) for i in level.seen)
+        if not level.gained:
+            return squares
+        found = level.sums[level.seen].sum(axis=1)
+        mm, products = found[:, sums.SUM_MODEL_SQUARES], found[:, sums.SUM_PRODUCTS : sums.SUM_IMAGE_SQUARES]
+        of_image, used = found[:, sums.SUM_IMAGE_SQUARES : sums.N_SUMS], self._gains[level.seen].astype(np.float64)
+        self._gains[level.seen] = gains_of(products, of_image)
+        before = float((mm + np.sum(used * (used * of_image - 2.0 * products), axis=1)).sum())
+        return squares + level.constants.weights[0] * (float(squares_left(mm, products, of_image).sum()) - before)
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations in gray levels squared; ``count`` is the number of residuals. No mask costs infinity."""
         level, owner = self._level, self._level.owner
         configuration, chain = Configuration(owner.model, state), owner.model.chain
-        Ts_world_shape = np.ascontiguousarray(configuration.Ts_world_shape)
-        if self._pixels > _WORTH_THREADS:
-            owner.workers.map(lambda i: level.camera_sums(i, configuration, Ts_world_shape), level.seen)
-        else:
-            for i in level.seen:
-                level.camera_sums(i, configuration, Ts_world_shape)
+        first = not self._pixels
+        squares = self._sum(configuration)
+        if first and level.gained:
+            squares = self._sum(configuration)
         normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
-        squares = pixels = 0.0
+        pixels = 0.0
         for i in level.seen:
             sums.add_to_links(level.sums[i], owner.model.shape_links, level.constants.Ts_cam_world[i], normal, gradient)
-            squares += float(level.sums[i, :, sums.SQUARES].sum())
             pixels += float(level.sums[i, :, sums.PIXELS].sum())
         H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
         assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)

@@ -41,8 +41,10 @@ from .drawing import (
 )  # fmt: skip
 from .score_kernels import lights_in_camera
 
-# Sums of a shape: the upper triangle of its 6x6 matrix row by row, its gradient, squares, number of pixels
-N_TRIANGLE, GRADIENT, SQUARES, PIXELS, N_SUMS = 21, 21, 27, 28, 29
+# Sums of a shape: the upper triangle of its 6x6 matrix row by row, its gradient, squares, number of pixels; and what the gains of
+# images depend on, as of `score_kernels`, with the image as it is
+N_TRIANGLE, GRADIENT, SQUARES, PIXELS = 21, 21, 27, 28
+SUM_MODEL_SQUARES, SUM_PRODUCTS, SUM_IMAGE_SQUARES, N_SUMS = 29, 30, 33, 36
 
 _N = np.uint64(LANES)
 _AT = tuple(np.uint64(LANES * k) for k in range(N_SUMS))
@@ -95,7 +97,7 @@ def _add_rows(lanes, i, weight, r, g, b, er, eg, eb):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base, weights,
-                      lanes, sums):  # fmt: skip
+                      image_gains, lanes, sums):  # fmt: skip
     """Sums (`N_SUMS`,) of one shape; ``lanes`` (16 `N_SUMS`,) float32 is work space."""
     lanes[:] = _ZERO
     x0, y0 = c[ORIGIN], c[ORIGIN + 1]
@@ -120,6 +122,8 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
     last_column = min(box[2], width - 1)
     n_directional, n_lights = len(form[0]), len(form[0]) + len(form[1])
     raw, normalized = len(form[3]) > 0, len(form[4]) > 0
+    gained = raw and len(form[5]) > 0
+    gain_r, gain_g, gain_b = image_gains[0], image_gains[1], image_gains[2]
     for v in range(max(box[1], 1), min(box[3], height - 1)):
         x_start = view[XS] + v * table_row * distorted
         y_start = view[YS] + v * (table_row if distorted else LANES)
@@ -213,10 +217,10 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
                 ub, vb = ub * a + vb * d, ub * e + vb * h
                 square = _ZERO
                 if raw:
-                    r0, r1, r2, r3, r4, r5 = _row(ur, vr, xn, yn, w, rx, ry, rz)
-                    g0, g1, g2, g3, g4, g5 = _row(ug, vg, xn, yn, w, gx, gy, gz)
-                    b0, b1, b2, b3, b4, b5 = _row(ub, vb, xn, yn, w, bx, by, bz)
-                    er, eg, eb = r - tr, g - tg, b - tb
+                    r0, r1, r2, r3, r4, r5 = _row(gain_r * ur, gain_r * vr, xn, yn, w, rx, ry, rz)
+                    g0, g1, g2, g3, g4, g5 = _row(gain_g * ug, gain_g * vg, xn, yn, w, gx, gy, gz)
+                    b0, b1, b2, b3, b4, b5 = _row(gain_b * ub, gain_b * vb, xn, yn, w, bx, by, bz)
+                    er, eg, eb = r - gain_r * tr, g - gain_g * tg, b - gain_b * tb
                     square += raw_weight * (er * er + eg * eg + eb * eb)
                 if normalized:
                     in_model, in_image = r + g + b, tr + tg + tb
@@ -243,6 +247,14 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
                         lanes, i, own * normalized_weight, (k0, k1, k2, k3, k4, k5), (m0, m1, m2, m3, m4, m5),
                         (p0, p1, p2, p3, p4, p5), fr, fg, fb,
                     )  # fmt: skip
+                if gained:
+                    lanes[_AT[SUM_MODEL_SQUARES] + i] += own * (r * r + g * g + b * b)
+                    lanes[_AT[SUM_PRODUCTS] + i] += own * r * tr
+                    lanes[_AT[SUM_PRODUCTS + 1] + i] += own * g * tg
+                    lanes[_AT[SUM_PRODUCTS + 2] + i] += own * b * tb
+                    lanes[_AT[SUM_IMAGE_SQUARES] + i] += own * tr * tr
+                    lanes[_AT[SUM_IMAGE_SQUARES + 1] + i] += own * tg * tg
+                    lanes[_AT[SUM_IMAGE_SQUARES + 2] + i] += own * tb * tb
                 lanes[_AT[SQUARES] + i] += own * square
                 lanes[_AT[PIXELS] + i] += own
     for k in range(N_SUMS):
@@ -253,7 +265,7 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_shape, work, sums):
+def linearize_camera(form, shapes, camera, pixels, lights, weights, image_gains, Ts_world_shape, work, sums):
     """Sums of one camera's shapes.
 
     Parameters
@@ -264,6 +276,7 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_sha
     pixels : view, rays, planes.
     lights : packed, those with a direction.
     weights : of the raw and the normalized difference.
+    image_gains : (3,) float32, factors of the image's channels.
     Ts_world_shape : (n, 4, 4).
     work : coefficients, surfaces, boxes, spans, lights in camera axes, buffer, lanes.
     sums : (n, `N_SUMS`), overwritten.
@@ -298,7 +311,7 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, Ts_world_sha
     for s in range(kinds.shape[0]):
         if boxes[s, 2] > boxes[s, 0]:
             _linearize_smooth(form, coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride,
-                             buffer, camera_lights, base, weights, lanes, sums[s])  # fmt: skip
+                             buffer, camera_lights, base, weights, image_gains, lanes, sums[s])  # fmt: skip
     return status
 
 

@@ -27,10 +27,12 @@ from ...render.raycast.lighting import (
 from ...render.raycast.raycaster import cast
 from ...render.raycast.shading import COLORS, number_at, surface_at
 from ...render.raycast.surface_arrays import surface_arrays
-from .alignment_kernels import GRADIENT, PIXELS, SQUARES
+from .alignment_kernels import GRADIENT, PIXELS, SQUARES, SUM_IMAGE_SQUARES, SUM_MODEL_SQUARES, SUM_PRODUCTS
 from .drawing import HEIGHT, PLANES, WIDTH
+from .score_kernels import IMAGE_SQUARES, MODEL_SQUARES, PRODUCTS
 from .views import ColorConstants, ColorViews
 
+_NO_GAINS = np.ones(3, dtype=np.float32)
 _ZERO, _HALF, _ONE, _FULL = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(255.0)
 
 
@@ -46,9 +48,10 @@ def _recolor(frames, colors):
 @pixel_loop
 def _score_any(
     buffer, numbers, column, xs, ys, u0, v0, u1, coefficients, frames, triangles, corners, levels, texels,
-    lights, gain, power, planes, view, weights, total,
+    lights, gain, power, planes, view, weights, image_gains, gained, total,
 ):  # fmt: skip
-    """Squared differences and number of the pixels of a `raycaster.Cast` (whose fields come first), into ``total`` (3,)."""
+    """Squared differences and number of the pixels of a `raycaster.Cast` (whose fields come first), into ``total``
+    (`score_kernels.N_TOTALS`,)."""
     width, size = view[WIDTH], view[WIDTH] * view[HEIGHT]
     squares, count = 0.0, 0
     for i in range(buffer.shape[0]):
@@ -65,8 +68,14 @@ def _score_any(
             r, g, b = displayed(r, lr, gain[0], power), displayed(g, lg, gain[1], power), displayed(b, lb, gain[2], power)
             at = view[PLANES] + (v0 + i) * width + u0 + j
             tr, tg, tb = np.float32(planes[at]), np.float32(planes[at + size]), np.float32(planes[at + 2 * size])
-            dr, dg, db = r - tr, g - tg, b - tb
-            squares += weights[0] * (dr * dr + dg * dg + db * db)
+            if gained:
+                total[MODEL_SQUARES] += r * r + g * g + b * b
+                total[PRODUCTS], total[IMAGE_SQUARES] = total[PRODUCTS] + r * tr, total[IMAGE_SQUARES] + tr * tr
+                total[PRODUCTS + 1], total[IMAGE_SQUARES + 1] = total[PRODUCTS + 1] + g * tg, total[IMAGE_SQUARES + 1] + tg * tg
+                total[PRODUCTS + 2], total[IMAGE_SQUARES + 2] = total[PRODUCTS + 2] + b * tb, total[IMAGE_SQUARES + 2] + tb * tb
+            else:
+                dr, dg, db = r - tr, g - tg, b - tb
+                squares += weights[0] * (dr * dr + dg * dg + db * db)
             if weights[1] > _ZERO:
                 m, t = _FULL / max(r + g + b, _ONE), _FULL / max(tr + tg + tb, _ONE)
                 dr, dg, db = r * m - tr * t, g * m - tg * t, b * m - tb * t
@@ -106,7 +115,7 @@ def _add(sums, s, weight, e, row):
 @pixel_loop
 def _linearize_any(
     buffer, numbers, column, xs, ys, u0, v0, u1, coefficients, frames, triangles, corners, levels, texels,
-    lights, gain, power, planes, view, weights, sums,
+    lights, gain, power, planes, view, weights, image_gains, gained, sums,
 ):  # fmt: skip
     """Sums (n_shapes, `alignment_kernels.N_SUMS`) over the pixels of a `raycaster.Cast`; see there for the derivatives."""
     width, height = view[WIDTH], view[HEIGHT]
@@ -134,7 +143,13 @@ def _linearize_any(
             at, w = view[PLANES] + v * width + u, _ONE / pz
             tr, tg, tb = np.float32(planes[at]), np.float32(planes[at + size]), np.float32(planes[at + 2 * size])
             in_model, in_image = _FULL / max(r + g + b, _ONE), _FULL / max(tr + tg + tb, _ONE)
-            er, eg, eb = r - tr, g - tg, b - tb
+            if gained:
+                sums[s, SUM_MODEL_SQUARES] += r * r + g * g + b * b
+                for channel in range(3):
+                    shown, seen = (r, tr) if channel == 0 else ((g, tg) if channel == 1 else (b, tb))
+                    sums[s, SUM_PRODUCTS + channel] += shown * seen
+                    sums[s, SUM_IMAGE_SQUARES + channel] += seen * seen
+            er, eg, eb = r - image_gains[0] * tr, g - image_gains[1] * tg, b - image_gains[2] * tb
             fr, fg, fb = r * in_model - tr * in_image, g * in_model - tg * in_image, b * in_model - tb * in_image
             sums[s, SQUARES] += weights[0] * (er * er + eg * eg + eb * eb) + weights[1] * (fr * fr + fg * fg + fb * fb)
             sums[s, PIXELS] += 1.0
@@ -153,6 +168,7 @@ def _linearize_any(
                         e, shown, light = eb, b, lb
                     sx, sy, sz = _turning_light(lights, channel, px, py, pz, nx, ny, nz)
                     k = power * shown / light if light > _ZERO and shown < _FULL else _ZERO
+                    gx, gy = image_gains[channel] * gx, image_gains[channel] * gy
                     _add(
                         sums, s, weights[0], e,
                         (-gx * w, -gy * w, w * (gx * x + gy * y), gx * x * y + gy * (_ONE + y * y) + k * sx,
@@ -176,7 +192,8 @@ def _linearize_any(
 
 
 def _arguments(
-    configuration: Configuration, camera: Camera, constants: ColorConstants, index: int, views: ColorViews, weights: np.ndarray
+    configuration: Configuration, camera: Camera, constants: ColorConstants, index: int, views: ColorViews, weights: np.ndarray,
+    image_gains: np.ndarray, gained: bool,
 ) -> tuple:
     """What both kernels take."""
     found = cast(configuration, camera, (0, 0, camera.model.width, camera.model.height))
@@ -187,7 +204,7 @@ def _arguments(
         found.buffer, found.numbers, found.column, found.table.xs, found.table.ys, u0, v0, u1,
         found.coefficients, found.frames, found.triangles, surfaces.corners, surfaces.levels, surfaces.texels,
         lights_in_camera(constants.lights, camera.T_cam_world), np.array(camera.gain, dtype=np.float32),
-        np.float32(1.0 / camera.gamma), views.planes, views.views[index], weights,
+        np.float32(1.0 / camera.gamma), views.planes, views.views[index], weights, image_gains, gained,
     )  # fmt: skip
 
 
@@ -198,6 +215,7 @@ def score_with_cast(
     index: int,
     views: ColorViews,
     weights: np.ndarray,
+    gained: bool,
     total: np.ndarray,
 ) -> None:
     """Squared color differences and pixels of one camera.
@@ -207,9 +225,11 @@ def score_with_cast(
     configuration : the body in its state.
     camera, constants, index, views : the camera, the constants of all, its place among them, and their images.
     weights : (2,) of the raw and the normalized difference.
-    total : (3,) squares and pixels, the first two, overwritten.
+    gained : whether the raw difference is left out, and what a gain of the image depends on filled.
+    total : (`score_kernels.N_TOTALS`,), overwritten but for the status.
     """
-    _score_any(*_arguments(configuration, camera, constants, index, views, weights), total)
+    total[MODEL_SQUARES:] = 0.0
+    _score_any(*_arguments(configuration, camera, constants, index, views, weights, _NO_GAINS, gained), total)
 
 
 def linearize_with_cast(
@@ -219,6 +239,8 @@ def linearize_with_cast(
     index: int,
     views: ColorViews,
     weights: np.ndarray,
+    image_gains: np.ndarray,
+    gained: bool,
     sums: np.ndarray,
 ) -> None:
     """Sums of the shapes in one camera.
@@ -227,7 +249,8 @@ def linearize_with_cast(
     ----------
     configuration, camera, constants, index, views : see `score_with_cast`.
     weights : (2,) of the raw and the normalized difference.
+    image_gains, gained : (3,) float32 of the image's channels; whether the sums that they depend on are filled.
     sums : (n_shapes, `alignment_kernels.N_SUMS`), overwritten.
     """
     sums[:] = 0.0
-    _linearize_any(*_arguments(configuration, camera, constants, index, views, weights), sums)
+    _linearize_any(*_arguments(configuration, camera, constants, index, views, weights, image_gains, gained), sums)

@@ -22,9 +22,10 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...parallel import Workers
 from ...render.raycast.coefficients import N_COEFFICIENTS
+from ..gains import squares_left
 from . import drawing as kernel
 from .any_shapes import score_with_cast
-from .score_kernels import form_of, score_states
+from .score_kernels import IMAGE_SQUARES, MODEL_SQUARES, N_TOTALS, PRODUCTS, form_of, score_states
 from .views import EXCHANGE, ColorConstants, ColorViews, every_nth, is_pinhole, lying
 
 
@@ -39,12 +40,14 @@ class ColorOptions:
     normalized_weight : fraction of the normalized part in a blend, 0..1.
     row_step : score every n-th row of the images only.
     min_pixels : a mask of fewer pixels, over all cameras, cannot be scored.
+    gained : raw colors are compared with images in their best gains, see `gains`.
     """
 
     representation: str = "raw"
     normalized_weight: float = 0.5
     row_step: int = 1
     min_pixels: int = 30
+    gained: bool = False
 
 
 class Outcome(IntEnum):
@@ -106,8 +109,9 @@ class ColorObjective:
         weights = np.array(constants.weights, dtype=np.float32)
         self._constants = constants
         self._form = form_of(
-            constants.n_directional, constants.n_spots, constants.bent, constants.weights[0] > 0.0, constants.weights[1] > 0.0
-        )
+            constants.n_directional, constants.n_spots, constants.bent, constants.weights[0] > 0.0, constants.weights[1] > 0.0,
+            options.gained,
+        )  # fmt: skip
         self._chain = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
         used = np.ones(len(model.shapes), dtype=np.bool_)
         self._shapes = (constants.kinds, constants.dims, constants.links, model.Ts_link_shape, used)
@@ -201,7 +205,7 @@ class ColorObjective:
         """Squares, pixels and the kernel's status, (n_states, n_cameras, 3)."""
         self._fill(states[0])
         n = len(self.rig)
-        totals = np.zeros((len(states), 2 * n, 3))
+        totals = np.zeros((len(states), 2 * n, N_TOTALS))
         if self._constants.smooth:
             roots = np.array([state.T_world_root for state in states])
             joints = np.array([state.joint_positions for state in states]).reshape(len(states), -1)
@@ -212,7 +216,10 @@ class ColorObjective:
         if (folded[:, :, 2] == kernel.NOT_SMOOTH).any():
             for k, i in np.argwhere(folded[:, :, 2] == kernel.NOT_SMOOTH):
                 folded[k, i] = self._any_shapes(Configuration(self.model, states[k]), int(i))
-        return folded
+        if self.options.gained:
+            mm, products, squares = folded[..., MODEL_SQUARES], folded[..., PRODUCTS:IMAGE_SQUARES], folded[..., IMAGE_SQUARES:]
+            folded[..., 0] += self._constants.weights[0] * squares_left(mm, products, squares)
+        return folded[..., :3]
 
     def _share_out(self, roots: np.ndarray, joints: np.ndarray, totals: np.ndarray) -> None:
         """Run the kernel for smooth shapes, on several threads where there is enough to do."""
@@ -234,8 +241,8 @@ class ColorObjective:
         self.workers.map(lambda k: run(k, *parts[k]), range(n))
 
     def _any_shapes(self, configuration: Configuration, index: int) -> np.ndarray:
-        """Squares, pixels and status (3,) of one camera, whatever the shapes."""
-        camera, total = self.rig.cameras[index], np.zeros(3)
+        """What one camera's kernel gives (`N_TOTALS`,), whatever the shapes."""
+        camera, total = self.rig.cameras[index], np.zeros(N_TOTALS)
         if (se3.apply(camera.T_cam_world, configuration.Ts_world_shape[:, :3, 3])[:, 2] < NEAR).all():
             total[2] = kernel.BEHIND
             return total
@@ -244,7 +251,8 @@ class ColorObjective:
             assert image is not None
             self._views.fill([image[:: self.options.row_step] if i == index else None for i in range(2 * len(self.rig))])
             self._filled[index] = True
-        score_with_cast(configuration, camera, self._constants, index, self._views, self._what[1], total)
+        gained = self.options.gained and self._constants.weights[0] > 0.0
+        score_with_cast(configuration, camera, self._constants, index, self._views, self._what[1], gained, total)
         return total
 
     def evaluate(self, state: State) -> ColorScore:

@@ -37,6 +37,10 @@ from .drawing import (
     prepare_camera,
 )
 
+# Of a camera: squared differences, pixels, status; of images that have a gain: squares of the model's colors (all channels),
+# their products with the image's, and squares of the image's (each channel by itself)
+MODEL_SQUARES, PRODUCTS, IMAGE_SQUARES, N_TOTALS = 3, 4, 7, 10
+
 _N = np.uint64(LANES)
 _ZERO, _ONE, _FULL = np.float32(0.0), np.float32(1.0), np.float32(255.0)
 
@@ -65,7 +69,7 @@ def lights_in_camera(lights, T_cam_world, gain, out):
         out[at + COS_INNER] = 1.0 / max(lights[k, COS_INNER] - lights[k, COS_OUTER], 1e-9)
 
 
-def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized: bool) -> tuple:
+def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized: bool, gained: bool = False) -> tuple:
     """What the kernels are compiled for.
 
     Parameters
@@ -73,18 +77,20 @@ def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized
     n_directional, n_spots : lights, in this order in what the kernel is given (a point light is a spot of every direction).
     gamma : whether any camera has a gamma other than one.
     raw, normalized : which differences count.
+    gained : whether raw differences are those from images times a gain, see `gains`.
 
     Returns
     -------
     Tuples whose lengths are the arguments: lengths are part of a compiled function's types.
     """
-    return tuple((0,) * int(n) for n in (n_directional, n_spots, gamma, raw, normalized))
+    return tuple((0,) * int(n) for n in (n_directional, n_spots, gamma, raw, normalized, gained))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base, weights, total):
     """Add the squared differences of one shape's pixels to ``total[0]``, their number to ``total[1]``.
 
+    Where images have a gain, raw differences are left out, and the products that they depend on added from `MODEL_SQUARES` on.
     ``base`` (4,) is what every pixel gets before the lights with a direction, and 1 / gamma; ``weights`` of the raw and the
     normalized difference.
     """
@@ -107,7 +113,10 @@ def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origi
     all_squares, all_kept = np.float64(0.0), np.float64(0.0)
     n_directional, n_spots = len(form[0]), len(form[1])
     gamma, raw, normalized = len(form[2]) > 0, len(form[3]) > 0, len(form[4]) > 0
+    gained = raw and len(form[5]) > 0
     n_lights = n_directional + n_spots
+    all_mm, all_rr, all_gg, all_bb = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
+    all_mr, all_mg, all_mb = np.float64(0.0), np.float64(0.0), np.float64(0.0)
     for v in range(box[1], box[3]):
         x_start = view[XS] + v * (width + LANES) * distorted
         y_start = view[YS] + v * (width + LANES if distorted else LANES)
@@ -117,6 +126,7 @@ def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origi
             at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u * distorted), np.uint64(row + u)
             at_red, at_green, at_blue = np.uint64(pixel + u), np.uint64(pixel + size + u), np.uint64(pixel + 2 * size + u)
             squares, kept = _ZERO, _ZERO
+            mm, mr, mg, mb, rr, gg, bb = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
             for i in range(_N):
                 own = _ONE if (buffer[at + i] & low_bits) == tag else _ZERO
                 r, g, b = base_r, base_g, base_b
@@ -164,7 +174,11 @@ def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origi
                 r, g, b = r if r < _FULL else _FULL, g if g < _FULL else _FULL, b if b < _FULL else _FULL
                 tr, tg, tb = np.float32(planes[at_red + i]), np.float32(planes[at_green + i]), np.float32(planes[at_blue + i])
                 square = _ZERO
-                if raw:
+                if gained:
+                    mm += own * (r * r + g * g + b * b)
+                    mr, mg, mb = mr + own * r * tr, mg + own * g * tg, mb + own * b * tb
+                    rr, gg, bb = rr + own * tr * tr, gg + own * tg * tg, bb + own * tb * tb
+                elif raw:
                     dr, dg, db = r - tr, g - tg, b - tb
                     square = raw_weight * (dr * dr + dg * dg + db * db)
                 if normalized:
@@ -177,17 +191,28 @@ def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origi
                 kept += own
             all_squares += squares
             all_kept += kept
+            if gained:
+                all_mm, all_mr, all_mg, all_mb = all_mm + mm, all_mr + mr, all_mg + mg, all_mb + mb
+                all_rr, all_gg, all_bb = all_rr + rr, all_gg + gg, all_bb + bb
     total[0] += all_squares
     total[1] += all_kept
+    if gained:
+        total[MODEL_SQUARES] += all_mm
+        total[PRODUCTS] += all_mr
+        total[PRODUCTS + 1] += all_mg
+        total[PRODUCTS + 2] += all_mb
+        total[IMAGE_SQUARES] += all_rr
+        total[IMAGE_SQUARES + 1] += all_gg
+        total[IMAGE_SQUARES + 2] += all_bb
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _score_camera(form, model, view, params, limits, T_cam_world, gain, base, colors, Ts_world_shape, rays, planes, lights,
                   weights, work, total):  # fmt: skip
-    """Squares, pixels and status of one camera into ``total`` (3,)."""
+    """Squares, pixels, status and the rest of one camera into ``total`` (`N_TOTALS`,)."""
     kinds, dims, used = model
     coefficients, surfaces, boxes, spans, camera_lights, buffer = work
-    total[0], total[1] = 0.0, 0.0
+    total[:] = 0.0
     region = np.empty(4, dtype=np.int64)
     region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
     total[2] = prepare_camera(
@@ -227,7 +252,7 @@ def score_states(form, chain, shapes, cameras, images, options, roots, joints, c
     roots, joints : (n_states, 4, 4), (n_states, n_axes).
     camera_indices : of the cameras that are scored.
     work : coefficients, surfaces, boxes, spans, lights in camera axes, buffer.
-    totals : (n_states, n_cameras, 3), overwritten in these cameras; the status is what `prepare_camera` returns.
+    totals : (n_states, n_cameras, `N_TOTALS`), overwritten in these cameras; the status is what `prepare_camera` returns.
     """
     kinds, dims, links, Ts_link_shape, used = shapes
     params, limits, T_cam_world, gain, base, colors = cameras

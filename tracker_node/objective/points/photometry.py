@@ -21,12 +21,19 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...render.raycast.raycaster import render_color, render_labels
 from ..contour_residual import assemble
+from ..gains import gains_of
 from ..normal_equations import NormalEquations
 from ..per_camera import serial
 
 _BLUR = 1.2  # px, before every halving
 _FINEST_BLUR = 0.7  # px
+_GAIN_STEP_PX = 4  # every so-maniest pixel tells of an image's gain
+_REWEIGHTED = 3  # times that gains of images are found, each with the weights of the one before
 _LEAST_SUM = 20.0  # of red, green and blue, for the intensity-normalized color of a dark pixel
+
+
+Picture = tuple[np.ndarray, float, float, int]
+"""Features (h, w, c) float32 of a part of an image, its first column and row in the whole one, and how often that was halved."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +80,13 @@ def features_of(rgb: np.ndarray, options: PhotometryOptions) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """Surface points of one camera: positions (n, 3) in the frames of links (n,), features (n, c), image pixels per point."""
+    """Surface points of one camera: positions (n, 3) in the frames of links (n,), features (n, c), where they are in the image
+    (n, 2), image pixels per point."""
 
     positions: np.ndarray
     links: np.ndarray
     features: np.ndarray
+    pixels: np.ndarray
     area: float
 
 
@@ -99,7 +108,7 @@ class SurfacePhotometry:
     ):
         self.model, self.rig, self.options, self.parallel = model, rig, options or PhotometryOptions(), parallel
         self.painted = [model] * len(rig)
-        self.pictures: list[list[tuple[np.ndarray, float, float, int]] | None] = [None] * len(rig)
+        self.pictures: list[list[Picture] | None] = [None] * len(rig)
         self.cameras = [_kernel_camera(camera) for camera in rig]
 
     @property
@@ -129,6 +138,27 @@ class SurfacePhotometry:
             return None if image is None or found is None else _pyramid(image, found[0], self.options)
 
         self.pictures = self.parallel(look, list(range(len(self.rig))))
+
+    def gains(self, images: Sequence[np.ndarray | None], state: State) -> np.ndarray:
+        """What brings images into the light of the model, see `objective.gains`.
+
+        Parameters
+        ----------
+        images : BGR, in the order of the rig; None for a camera that gave none.
+        state : where the body is in them.
+
+        Returns
+        -------
+        (n_cameras, 3) of red, green and blue; 1 of a camera that does not show the body.
+        """
+        raw = PhotometryOptions()
+
+        def look(i: int) -> np.ndarray:
+            image = images[i]
+            points = None if image is None else _sample(self.painted[i], state, self.rig.cameras[i], self.rig, raw, _GAIN_STEP_PX)
+            return np.ones(3) if image is None or points is None else _gains(points, image, self.options.robust_scale)
+
+        return np.array(self.parallel(look, list(range(len(self.rig)))))
 
     def correspond(self, state: State, level: int) -> SurfaceCorrespondences:
         """Points of the surface that is seen.
@@ -172,7 +202,7 @@ class SurfaceCorrespondences:
     model: ArticulatedModel
     cameras: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
     points: Sequence[_Points | None]
-    pictures: Sequence[tuple[np.ndarray, float, float, int] | None]
+    pictures: Sequence[Picture | None]
     robust_scale: float
     links: np.ndarray
     parallel: Callable[[Callable, list], list]
@@ -276,7 +306,19 @@ def _sample(
     Ts = configuration.Ts_world_link[links]
     positions = np.einsum("nji,nj->ni", Ts[:, :3, :3], world - Ts[:, :3, 3])
     features = features_of(view.rgb[v, u], options).astype(np.float64)
-    return _Points(np.ascontiguousarray(positions), links, np.ascontiguousarray(features), float(spacing * spacing))
+    pixels = np.stack([u + region[0], v + region[1]], axis=-1)
+    return _Points(np.ascontiguousarray(positions), links, np.ascontiguousarray(features), pixels, float(spacing * spacing))
+
+
+def _gains(points: _Points, bgr: np.ndarray, robust_scale: float) -> np.ndarray:
+    """(3,) of an image, by points with raw features; some may show something else."""
+    u, v = points.pixels.T
+    seen, expected = bgr[v, u, ::-1].astype(np.float64), points.features
+    gains, weights = np.ones(3), np.ones((len(seen), 1))
+    for _ in range(_REWEIGHTED):
+        gains = gains_of((weights * expected * seen).sum(axis=0), (weights * seen * seen).sum(axis=0))
+        weights = (1.0 + np.sum((expected - gains * seen) ** 2, axis=1, keepdims=True) / robust_scale**2) ** -2
+    return gains
 
 
 COST, WEIGHTED_SQUARES, WEIGHT, COUNT, N_SUMS = 0, 1, 2, 3, 4

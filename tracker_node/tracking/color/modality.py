@@ -60,6 +60,8 @@ class ColorModality(Modality):
     options : what of a color is compared, and on how many levels of the image pyramid.
     parallel : maps a function over cameras.
     scores : what else compares the parts' colors with the images; None: nothing does.
+    fit_gain : find in the first image set what brings each camera's images into the light of the model, where colors are not
+        learned: those are in the light of the images.
 
     Raises
     ------
@@ -74,8 +76,10 @@ class ColorModality(Modality):
         options: PhotometryOptions,
         parallel: Callable[[Callable, list], list],
         scores: ColorScores | None = None,
+        fit_gain: bool = False,
     ):
         self._rig, self._model, self._config, self._scores = rig, model, config, scores
+        self._fits_gain = fit_gain and not config.learn_colors
         if not config.learn_colors:
             check_colors(model)
         self._options, self._photometry = options, SurfacePhotometry(model, rig, options, parallel)
@@ -86,6 +90,7 @@ class ColorModality(Modality):
         self._colors = PartColors(self._model, self._rig)
         self._use_colors()
         self._learned = False
+        self._gains = np.ones((len(self._rig), 3))
         self._images: Images = [None] * len(self._rig)
         self._agreement: tuple[State, ColorAgreement] | None = None
 
@@ -98,21 +103,24 @@ class ColorModality(Modality):
         self._agreement = None
 
     def lessons(self, known: bool) -> Sequence[float]:
-        """Colors are learned whole, once."""
-        if not self._config.learn_colors or self._learned:
+        """Colors are learned whole, or gains found, once."""
+        if not (self._config.learn_colors or self._fits_gain) or self._learned:
             return ()
         return (1.0,) if known else (1.0, 1.0)
 
     def learn_first(self, images: Images, state: State, lesson: float) -> None:
-        """Learn the colors of all parts."""
+        """Learn the colors of all parts, or the gains of the cameras."""
         self._learned = True
-        self._learn(images, state, lesson)
+        if self._fits_gain:
+            self._gains = self._photometry.gains(images, state)
+        else:
+            self._learn(images, state, lesson)
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
         """Blur and halve the images around the expected body."""
-        self._images = [None] * len(self._rig) if expected is None else images
+        self._images = [None] * len(self._rig) if expected is None else list(map(_lit, images, self._gains))
         self._agreement = None
         around = State.neutral(self._model) if expected is None else expected
         self._photometry.set_images(self._images, around, self._config.reach_px)
@@ -141,11 +149,20 @@ class ColorModality(Modality):
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
         """Colors follow slowly, where ``color_rate`` is positive."""
         if self._config.color_rate > 0.0:
+            images = list(map(_lit, images, self._gains))
             self._learn(images, state, self._config.color_rate)
 
     def _learn(self, images: Images, state: State, share: float) -> None:
         self._colors.learn(images, state, share)
         self._use_colors()
+
+
+def _lit(image: np.ndarray | None, gains: np.ndarray) -> np.ndarray | None:
+    """A BGR image with gains (3,) of red, green and blue; what is too bright is white."""
+    if image is None or (gains == 1.0).all():
+        return image
+    levels = np.arange(256)[:, None] * gains[::-1]
+    return cv2.LUT(image, np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None])
 
 
 _GREY = 128.0  # a body of this color shows how much light reaches it, up to twice what would be full

@@ -30,8 +30,9 @@ class RigidScores(ColorScores):
 
     def __init__(self, model: ArticulatedModel, rig: CameraRig, config: ColorConfig, workers: Workers):
         what = config.representation, config.normalized_weight
-        self.score = ColorObjective(model, rig, ColorOptions(*what), workers=workers)
-        self.pyramid = PhotometricObjective(model, rig, PhotometricOptions(*what, levels=config.levels), workers=workers)
+        self.score = ColorObjective(model, rig, ColorOptions(*what, gained=config.fit_gain), workers=workers)
+        options = PhotometricOptions(*what, levels=config.levels, gained=config.fit_gain)
+        self.pyramid = PhotometricObjective(model, rig, options, workers=workers)
         self.blind = True
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
