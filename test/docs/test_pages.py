@@ -50,6 +50,7 @@ def test_examples_of_the_formats_are_valid(repository, tmp_path):
     for named in ("start.yaml", "person.yaml", "table.yaml", "truth.trc", "pose_landmark_heavy.tflite"):
         (tmp_path / named).touch()
     (tmp_path / "tracker.yaml").touch()
+    (tmp_path / "arm.csv").touch()
     (tmp_path / "masks.json").touch()
     recording = load_recording(example(repository, tmp_path, "recording.yaml", "yaml"))
     assert (recording.images.resize, recording.evaluate.targets) == ((544, 960), ("mpjpe_mm<=60",))
