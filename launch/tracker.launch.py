@@ -15,7 +15,8 @@ def generate_launch_description() -> LaunchDescription:
     arguments = [
         *map(argument, ("rig", "model", "initial_state", "occluders", "params_file")),
         argument("calibration", default_value="rig"),
-        *map(argument, ("name", "namespace", "frame_prefix", "link_frames", "lossless", "topics", "use_sim_time")),
+        *map(argument, ("name", "namespace", "frame_prefix", "link_frames", "lossless")),
+        *map(argument, ("joint_states", "topics", "use_sim_time")),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
 
@@ -28,6 +29,7 @@ def _nodes(context) -> list:
     for option, name in (("--initial-state", "initial_state"), ("--occluders", "occluders"), ("--config", "params_file")):
         arguments += [option, value(name)] if value(name) else []
     arguments += ["--lossless"] if value("lossless") == "true" else []
+    arguments += ["--joint-states", value("joint_states")] if value("joint_states") else []
     arguments += ["--topics", *value("topics").split()] if value("topics") else []
     shared = {"use_sim_time": value("use_sim_time") == "true", "frame_prefix": value("frame_prefix")}
     tracker = Node(

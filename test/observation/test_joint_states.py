@@ -34,6 +34,15 @@ def test_a_gap_says_nothing():
     assert "a" not in states.at(300 * MS) and states.at(600 * MS) == {"a": 6.0}
 
 
+def test_a_stamp_far_ahead_does_not_push_the_others_out():
+    states = JointStates(most=20)
+    states.add(10**18, [("a", 7.0)])
+    for k in range(100):
+        states.add(k * 10 * MS, [("a", 0.1 * k)])
+    assert states.at(985 * MS) == pytest.approx({"a": 9.85}) and states.at(1010 * MS) == pytest.approx({"a": 10.1})
+    assert states.at(2000 * MS) == {}
+
+
 def test_joints_have_readings_of_their_own_in_any_order():
     states = JointStates()
     for stamp, name, value in ((20, "a", 2.0), (15, "grip", 0.5), (0, "a", 0.0), (5, "grip", 0.3)):
@@ -42,7 +51,7 @@ def test_joints_have_readings_of_their_own_in_any_order():
 
 
 def test_old_readings_are_forgotten():
-    states = JointStates(kept_s=0.05)
+    states = JointStates(most=51)
     for k in range(1000):
         states.add(k * MS, [("a", float(k))])
     assert len(states._readings["a"]) == 51 and states.at(990 * MS) == {"a": 990.0}

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 _NEAR_NS = 100_000_000  # readings further apart than this, or from the time asked for, say nothing of what is between
 _STEP_NS = 5_000_000  # between two readings that a velocity is taken from
+_BEFORE = 100  # readings before a gap that a velocity is taken from
 _Reading = tuple[int, float]
 
 
@@ -18,11 +19,11 @@ class JointStates:
 
     Parameters
     ----------
-    kept_s : how long readings are kept behind the newest one; None: for ever.
+    most : how many readings of a joint are kept, the newest; None: all. One with a stamp far ahead does not push others out.
     """
 
-    def __init__(self, kept_s: float | None = None):
-        self._kept_ns = None if kept_s is None else round(1e9 * kept_s)
+    def __init__(self, most: int | None = None):
+        self._most = most
         self._lock = threading.Condition()
         self._readings: dict[str, list[_Reading]] = {}
         self._newest_ns: int | None = None
@@ -43,11 +44,11 @@ class JointStates:
         """
         with self._lock:
             for name, position in positions:
-                insort(self._readings.setdefault(name, []), (stamp_ns, float(position)))
+                readings = self._readings.setdefault(name, [])
+                insort(readings, (stamp_ns, float(position)))
+                if self._most is not None:
+                    del readings[: -self._most]
             self._newest_ns = stamp_ns if self._newest_ns is None else max(stamp_ns, self._newest_ns)
-            if self._kept_ns is not None:
-                for readings in self._readings.values():
-                    del readings[: bisect_left(readings, (self._newest_ns - self._kept_ns,))]
             self._lock.notify_all()
 
     def clear(self) -> None:
@@ -71,7 +72,8 @@ class JointStates:
             return self._lock.wait_for(lambda: self._newest_ns is not None and self._newest_ns >= stamp_ns, timeout_s)
 
     def at(self, stamp_ns: int) -> dict[str, float]:
-        """Positions at a time: between two readings on the line through them, just beyond the last as fast as before it.
+        """Positions at a time: between two readings on the line through them, just beyond one that none follows for long, as fast
+        as before it.
 
         Parameters
         ----------
@@ -97,7 +99,7 @@ def _position(readings: list[_Reading], stamp_ns: int) -> float | None:
         return last if last_ns - stamp_ns <= _STEP_NS else None
     first_ns, first = readings[before]
     if last_ns - first_ns > _NEAR_NS:
-        return None
+        return _beyond(readings[max(0, after - _BEFORE) : after], stamp_ns)
     return first + (last - first) * (stamp_ns - first_ns) / (last_ns - first_ns)
 
 

@@ -17,7 +17,8 @@ from .diagnostics import OK, WARN, Diagnostics, QosMismatches
 from .qos import RESULT, overridable
 
 PART = "joint_states"  # of /diagnostics
-_KEPT_S = 5.0  # image sets that wait longer are of a tracker that is far behind
+_MOST = 5000  # readings of a joint that are kept: of five seconds, of a fast robot
+_BACK_NS = 5_000_000_000  # by which an image set is before the last one, where stamps have gone back
 _PATIENCE_S = 1.0  # robots say where they are a hundred times a second
 _SILENT_S = 2.0
 
@@ -38,7 +39,7 @@ class JointStateInbox:
 
     def __init__(self, node: Node, model: ArticulatedModel, topic: str, diagnostics: Diagnostics, mismatches: QosMismatches):
         self._node, self._axes, self._diagnostics = node, axes_of(model), diagnostics
-        self._states, self._newest_ns = JointStates(_KEPT_S), 0
+        self._states, self._newest_ns = JointStates(_MOST), 0
         self._patient, self._last_s, self._problem = True, time.monotonic(), ""
         self.received = self.refused = self.used = self.missed = 0
         events = mismatches.of_subscription("joint states", topic)
@@ -79,7 +80,7 @@ class JointStateInbox:
         -------
         The same images, with ``joint_positions``.
         """
-        if image_set.stamp_ns < self._newest_ns - round(1e9 * _KEPT_S):
+        if image_set.stamp_ns < self._newest_ns - _BACK_NS:
             self._states.clear()  # stamps went back
         self._newest_ns = image_set.stamp_ns
         if waits and self._patient:

@@ -17,6 +17,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..observation.joint_states import JointStates
+from ..tracking.config import GEOMETRIC, TrackerConfig
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 USUAL_TOPIC = "/joint_states"
@@ -40,6 +41,23 @@ class JointStateFile:
 def axes_of(model: ArticulatedModel) -> tuple[str, ...]:
     """Names of what a robot may say something of."""
     return tuple(axis.name for axis in model.chain.axes)
+
+
+def check_use(model: ArticulatedModel, config: TrackerConfig) -> None:
+    """Whether joint states tell a tracker anything.
+
+    Parameters
+    ----------
+    model, config : the body, and what its images are compared by.
+
+    Raises
+    ------
+    TrackerError : a body without joints; colors or textures alone, whose filter has no covariance.
+    """
+    if not model.chain.axes:
+        raise TrackerError(f"joint states take a body with joints, got '{model.name}'")
+    if not set(config.modalities) & set(GEOMETRIC):
+        raise TrackerError(f"joint states take contours (region, chamfer), got the modality {config.colors} alone")
 
 
 def positions_of(message: Any, axes: Collection[str]) -> list[tuple[str, float]]:

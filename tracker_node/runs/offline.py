@@ -28,7 +28,7 @@ from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import run_stream
-from .joint_states import JointStateFile, load_joint_states, with_joint_states
+from .joint_states import JointStateFile, check_use, load_joint_states, with_joint_states
 from .load import run_info
 from .loop import TrackingLoop
 from .people.detection import DetectionOptions, PeopleDetection
@@ -177,7 +177,7 @@ def run_offline(
             tracker.reinitialize(run.person)
         if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
-        joint_states = _joint_states_of(run, tracker)
+        joint_states = _joint_states_of(run)
         detection = _detection_of(run, rig, reader) if recorded is None else recorded
         writer = stack.enter_context(
             RunWriter(
@@ -217,12 +217,11 @@ def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, Im
     return rig, BagStream(rig, run.config.synchronizer, reader, with_points=KEYPOINTS in run.config.modalities)
 
 
-def _joint_states_of(run: OfflineRun, tracker: Tracker) -> JointStates | None:
+def _joint_states_of(run: OfflineRun) -> JointStates | None:
     """What a robot says; None where nothing is used."""
     if run.joint_states is None:
         return None
-    if not tracker.in_information_units:
-        raise TrackerError(f"joint states take contours (region, chamfer), got the modality {run.config.colors} alone")
+    check_use(run.model, run.config)
     if run.smooth_s is not None:
         raise TrackerError("expected either joint states or smoothing, which does not know them, got both")
     return load_joint_states(run.joint_states, run.model)

@@ -34,3 +34,16 @@ class HeldTracker:
 
     def reinitialize(self, near=None):
         self.told.append("look anew")
+
+
+class Listening(HeldTracker):
+    """Never waits, and keeps what it was given."""
+
+    def __init__(self):
+        super().__init__()
+        self.go.set()
+        self.sets = []
+
+    def step(self, image_set):
+        self.sets.append(image_set)
+        return super().step(image_set)

@@ -5,10 +5,11 @@ import time
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState
 from tracker_msgs.msg import TrackedState
 
-from helpers.ros.held_tracker import HeldTracker
+from helpers.ros.held_tracker import Listening
 from helpers.ros.samples import tracked_arm
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.ros import joint_states
@@ -20,19 +21,6 @@ from tracker_node.runs.messages.parts import header
 
 PERIOD_NS = 33_333_333
 PIXELS = np.zeros((120, 160, 3), np.uint8)
-
-
-class Listening(HeldTracker):
-    """Keeps what it was given."""
-
-    def __init__(self):
-        super().__init__()
-        self.go.set()
-        self.said = []
-
-    def step(self, image_set):
-        self.said.append(dict(image_set.joint_positions))
-        return super().step(image_set)
 
 
 class Bench:
@@ -74,7 +62,7 @@ class Bench:
         n = len(self.states)
         self.send(i)
         self.probe.spin_until(lambda: len(self.states) > n, "a state")
-        return self.tracker.said[-1]
+        return dict(self.tracker.sets[-1].joint_positions)
 
     @property
     def said(self) -> DiagnosticStatus:
@@ -106,10 +94,17 @@ def test_a_lossless_tracker_waits_for_it(bench, monkeypatch):
     bench.send(1)
     until_s = time.monotonic() + 0.3
     bench.probe.spin_until(lambda: time.monotonic() > until_s)
-    assert not bench.tracker.said
+    assert not bench.tracker.sets
     bench.say(2 * PERIOD_NS, positions=(0.7, 0.0))
-    bench.probe.spin_until(lambda: len(bench.tracker.said) == 1, "a state")
-    assert bench.tracker.said[0] == pytest.approx({"elbow_flexion": 0.6})
+    bench.probe.spin_until(lambda: len(bench.tracker.sets) == 1, "a state")
+    assert dict(bench.tracker.sets[0].joint_positions) == pytest.approx({"elbow_flexion": 0.6})
+
+
+def test_colors_alone_are_refused_beside_it(bench):
+    said = bench.node.set_parameters([Parameter("modalities", value=["chamfer"])])
+    assert said[0].successful
+    said = bench.node.set_parameters([Parameter("modalities", value=["color"])])
+    assert not said[0].successful and "joint states take contours" in said[0].reason
 
 
 def test_what_cannot_be_used_is_refused_and_said(bench):

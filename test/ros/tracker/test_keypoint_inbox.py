@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image
 from tracker_msgs.msg import Crops, Keypoints, TrackedState
 
-from helpers.ros.held_tracker import HeldTracker
+from helpers.ros.held_tracker import Listening
 from helpers.ros.samples import tracked_arm
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.observation.image_set import CameraImage
@@ -27,19 +27,6 @@ from tracker_node.tracking.estimate import Status
 
 PERIOD_NS = 33_333_333
 PIXELS = np.zeros((120, 160, 3), np.uint8)
-
-
-class Listening(HeldTracker):
-    """Keeps what it was given."""
-
-    def __init__(self):
-        super().__init__()
-        self.go.set()
-        self.sets = []
-
-    def step(self, image_set):
-        self.sets.append(image_set)
-        return super().step(image_set)
 
 
 class Bench:

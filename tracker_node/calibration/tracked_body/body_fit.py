@@ -28,7 +28,7 @@ from .solver import BodyMotion, Estimate, Problem, SharedPrior, Solution, shared
 
 Progress = Callable[[str, int, int], None]
 _MEDIAN_OF_CHI2 = 0.455  # of one degree of freedom
-_LEAST_LINES = 50  # of all sets together
+LEAST_LINES = 50  # of all sets together
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def fit_body(
     start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
     before = loop.run("poses", held, start, options.robust_px[0], options.pose_rounds)
     count = sum(len(lines) for lines in loop.draw(held, before.found))
-    if count < _LEAST_LINES:
+    if count < LEAST_LINES:
         raise TrackerError(f"the body is hardly seen in these images: {count} contour lines in {len(states)} sets")
     after = before
     for stage, robust_px in enumerate(options.robust_px):

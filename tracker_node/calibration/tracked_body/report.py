@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cv2
@@ -11,6 +11,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...model.kinematic_chain import N_ROOT_DOF
 from ...model.shape_parameters import half_extents
 from ...observation.image_set import ImageSet
 from ...render.overlay import draw_overlay
@@ -229,10 +230,8 @@ def robot_table(model: ArticulatedModel, fit: RobotFit) -> PageSection:
     rows = [
         (f"base {axis}", f"{1e3 * fit.T_world_base[i, 3]:.1f} ± {1e3 * sigmas[i]:.1f} mm") for i, axis in enumerate("xyz")
     ]
-    rows += [(f"base turned about {axis}", f"± {np.degrees(sigmas[3 + i]):.2f}°") for i, axis in enumerate("xyz")]
-    for i, axis in enumerate(model.chain.axes):
-        unit, factor = (" mm", 1e3) if axis.prismatic else ("°", 180.0 / np.pi)
-        rows.append((f"zero of {axis.name}", f"{factor * fit.offsets[i]:+.2f} ± {factor * sigmas[6 + i]:.2f}{unit}"))
+    rows += [(f"base turned about {axis}", f"± {np.degrees(sigmas[3 + i]):.2f} deg") for i, axis in enumerate("xyz")]
+    rows += [(f"zero of {name}", f"{value:+.2f} ± {sigma:.2f} {unit}") for name, value, sigma, unit in _zeros(model, fit)]
     return PageSection("Place", table=(("what", "found"), *rows))
 
 
@@ -253,11 +252,16 @@ def robot_metrics(model: ArticulatedModel, fit: RobotFit) -> dict[str, float | i
         "robot.median_after_px": found[1].median_px, "robot.place_sigma_mm": 1e3 * float(np.linalg.norm(sigmas[:3])),
         "robot.turn_sigma_deg": float(np.degrees(np.linalg.norm(sigmas[3:6]))),
     }  # fmt: skip
-    for i, axis in enumerate(model.chain.axes):
-        unit, factor = ("mm", 1e3) if axis.prismatic else ("deg", 180.0 / np.pi)
-        metrics[f"robot.{axis.name}.offset_{unit}"] = factor * float(fit.offsets[i])
-        metrics[f"robot.{axis.name}.offset_sigma_{unit}"] = factor * float(sigmas[6 + i])
+    for name, value, sigma, unit in _zeros(model, fit):
+        metrics[f"robot.{name}.offset_{unit}"], metrics[f"robot.{name}.offset_sigma_{unit}"] = value, sigma
     return metrics
+
+
+def _zeros(model: ArticulatedModel, fit: RobotFit) -> Iterator[tuple[str, float, float, str]]:
+    """Name, offset and standard deviation of each joint, and their unit."""
+    for axis, offset, sigma in zip(model.chain.axes, fit.offsets, fit.sigmas[N_ROOT_DOF:], strict=True):
+        unit, factor = ("mm", 1e3) if axis.prismatic else ("deg", 180.0 / np.pi)
+        yield axis.name, factor * float(offset), factor * float(sigma), unit
 
 
 def body_metrics(fit: BodyFit) -> dict[str, float | int]:

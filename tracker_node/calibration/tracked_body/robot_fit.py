@@ -18,16 +18,16 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...model.shape_parameters import ShapeSpace
 from ...objective.constraints.prior import CouplingObjective, Prior
-from ...objective.shape_jacobian import ContourLines, linearize_lines, normal_equations
+from ...objective.shape_jacobian import linearize_lines, normal_equations
 from ...observation.image_set import ImageSet
 from ...optimize.levenberg_marquardt import clip_to_limits
 from ...tracking.config import TrackerConfig
-from .body_fit import LineMetrics, Progress, line_metrics
+from .body_fit import LEAST_LINES, LineMetrics, Progress, line_metrics
 from .lines import LineEvidence, RegionEvidence
+from .solver import line_weights
 
 Poses = Sequence[Sequence[np.ndarray]]
 """(n_axes,) positions of the joints by image set and camera, radians or meters: a moving robot is elsewhere for a late camera."""
-_LEAST_LINES = 50  # of all sets together
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class RobotFit:
     T_world_base : (4, 4).
     offsets : (n_axes,) what has to be added to what the robot says of each joint, radians or meters.
     covariance : (n_dof, n_dof) of the tangent of the base's place, and of the offsets.
-    states, states_before : of every image set at its stamp.
+    states, states_before : of every image set, as its first camera sees it.
     cameras : camera -> its lines before and after.
     overall : all lines before and after.
     """
@@ -90,7 +90,6 @@ def fit_robot(
     T_world_base: np.ndarray,
     options: RobotFitOptions | None = None,
     progress: Progress | None = None,
-    evidence: LineEvidence | None = None,
 ) -> RobotFit:
     """The place of a robot's base, by what the robot says of its joints.
 
@@ -101,7 +100,6 @@ def fit_robot(
     T_world_base : (4, 4) about where its base is: within a tenth of its size, and 15 degrees.
     options : priors and rounds.
     progress : called with what is done, how often it has been done, and how often it will be.
-    evidence : of the contours; default: the colors on either side of them, without images of the empty scene.
 
     Returns
     -------
@@ -114,7 +112,7 @@ def fit_robot(
     options = options or RobotFitOptions()
     if not image_sets or len(image_sets) != len(poses):
         raise ValueError(f"expected image sets with a pose each, got {len(image_sets)} sets and {len(poses)} poses")
-    fit = _Fit(model, rig, poses, options, evidence or RegionEvidence(image_sets, options.config))
+    fit = _Fit(model, rig, poses, options, RegionEvidence(image_sets, options.config))
     start = State(np.array(T_world_base, dtype=np.float64), np.zeros(len(model.chain.axes)))
     found, total = start, len(options.robust_px) * options.rounds
     fit.look(start, options.robust_px[-1])
@@ -126,7 +124,7 @@ def fit_robot(
             if progress is not None:
                 progress("place", stage * options.rounds + done + 1, total)
     after = fit.linearized(found, start, options.robust_px[-1])
-    if len(after.residuals) < _LEAST_LINES:
+    if len(after.residuals) < LEAST_LINES:
         raise TrackerError(f"the robot is hardly seen in these images: {len(after.residuals)} contour lines in {len(poses)} sets")
     cameras = {name: (before.of_camera(i), after.of_camera(i)) for i, name in enumerate(rig.names)}
     return RobotFit(
@@ -180,13 +178,15 @@ class _Fit:
         sigmas = np.where(slides, options.offset_sigma_m, options.offset_sigma_rad)
         place = [options.place_sigma_m] * 3 + [options.place_sigma_rad] * 3
         self._information = np.concatenate([place, np.where(sigmas > 0.0, sigmas, 1e-6)]) ** -2.0
-        self._coupling = CouplingObjective(model.chain) if model.chain.couplings else None
+        self._H_coupled = np.zeros((model.n_dof, model.n_dof))  # of offsets as of positions: one gear drives both
+        if model.chain.couplings:
+            self._H_coupled = CouplingObjective(model.chain).linearize(State.neutral(model)).H
 
     def _state(self, place: State, said: np.ndarray) -> State:
         return clip_to_limits(State(place.T_world_root, said + place.joint_positions), self._model.chain)
 
     def states(self, place: State) -> list[State]:
-        """At the stamps of the sets."""
+        """Of every image set, as its first camera sees it."""
         return [self._state(place, poses[0]) for poses in self._poses]
 
     def _by_camera(self, place: State) -> list[list[State]]:
@@ -202,7 +202,8 @@ class _Fit:
         for k, own in enumerate(states):
             lines = self._evidence.lines(k, self._model, self._rig, own)
             found = linearize_lines(lines, self._space, np.zeros(len(self._space)), self._model, self._rig, own)
-            weights = np.where(found.valid, self._weights(found.residuals, lines, robust_px), 0.0)
+            _, weights = line_weights(found.residuals, lines.variances, robust_px, self._options.correlation)
+            weights = np.where(found.valid, weights, 0.0)
             for i in range(len(self._rig)):
                 rows, g = lines.camera == i, np.zeros(n)
                 normal_equations(found.by_state[rows], found.residuals[rows], weights[rows], H_camera[i], g)
@@ -212,19 +213,13 @@ class _Fit:
             cameras.append(lines.camera[found.valid])
         H_prior, g = np.zeros((n, n)), np.zeros(n)
         Prior(start, self._information).add_to(H_prior, g, place)
-        if self._coupling is not None:  # of offsets as well: one gear drives both
-            H_prior += self._coupling.linearize(states[0][0]).H
+        H_prior += self._H_coupled
         H, g = H_camera.sum(axis=0) + H_prior, by_camera.sum(axis=0) + g
         return _Equations(H, g, H_prior, by_set, by_camera, H_camera, np.concatenate(residuals), np.concatenate(cameras))
 
     def stepped(self, place: State, start: State, robust_px: float) -> State:
         equations = self.linearized(place, start, robust_px)
         return place.retract(-np.linalg.solve(equations.H, equations.g))
-
-    def _weights(self, residuals: np.ndarray, lines: ContourLines, robust_px: float) -> np.ndarray:
-        """Geman-McClure kernel, in information units; lines of large variance have a larger scale."""
-        scale = np.maximum(robust_px**2, 4.0 * lines.variances)
-        return (scale / (scale + residuals**2)) ** 2 / (self._options.correlation * lines.variances)
 
 
 def rig_on_base(rig: CameraRig, fit: RobotFit) -> dict[str, np.ndarray]:

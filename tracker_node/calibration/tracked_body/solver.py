@@ -100,22 +100,40 @@ class Problem:
         return [state.retract(delay_s * motion.velocity) if delay_s else state for delay_s in delays_s]
 
     def weights(self, residuals: np.ndarray, variances: np.ndarray, robust_px: float) -> tuple[np.ndarray, np.ndarray]:
-        """Geman-McClure kernel, in information units. Lines of large variance have a larger scale.
+        """As `line_weights`, with the correlation of the problem.
 
         Parameters
         ----------
-        residuals, variances : (n,) pixels, and squared pixels.
-        robust_px : least scale of the kernel.
+        residuals, variances, robust_px : see there.
 
         Returns
         -------
         Costs (n,).
         Weights (n,) of the squared residuals.
         """
-        squares, scale = residuals**2, np.maximum(robust_px**2, 4.0 * variances)
-        ratio = scale / (scale + squares)
-        information = 1.0 / (self.correlation * variances)
-        return information * ratio * squares, information * ratio**2
+        return line_weights(residuals, variances, robust_px, self.correlation)
+
+
+def line_weights(
+    residuals: np.ndarray, variances: np.ndarray, robust_px: float, correlation: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Geman-McClure kernel, in information units. Lines of large variance have a larger scale.
+
+    Parameters
+    ----------
+    residuals, variances : (n,) pixels, and squared pixels.
+    robust_px : least scale of the kernel.
+    correlation : how many neighboring lines share one error.
+
+    Returns
+    -------
+    Costs (n,).
+    Weights (n,) of the squared residuals.
+    """
+    squares, scale = residuals**2, np.maximum(robust_px**2, 4.0 * variances)
+    ratio = scale / (scale + squares)
+    information = 1.0 / (correlation * variances)
+    return information * ratio * squares, information * ratio**2
 
 
 Solution = Descent[Estimate]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..arguments.recording import add_recording_argument, fill_in
 from ..arguments.run_images import refuse_to_overwrite
 from .body import check
 
@@ -38,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--report", type=Path, metavar="FILE", help="where to write the metrics as JSON (default: beside the output, .json)")
     add("--force", action="store_true", help="overwrite the output and the report")
     add("--quiet", action="store_true", help="no progress on stderr")
-    add_recording_argument(parser, {})
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,7 +54,8 @@ def run(args: argparse.Namespace) -> int:
     from ...runs.joint_states import JointStateFile, load_joint_states
     from ...tracking.config import TrackerConfig
 
-    fill_in(args, {})
+    check(args.rig, "--rig", "a file: cameras, and the videos or folders they read")
+    check(args.model, "--model", "a file: the robot")
     check(args.initial_state, "--initial-state", "a file: about where the robot's base is")
     check(args.joint_states, "--joint-states", "a CSV file or a bag")
     check(args.sets >= 2, "--sets", "a number of at least 2", args.sets)
@@ -89,20 +88,23 @@ def run(args: argparse.Namespace) -> int:
 
 def _images(args: argparse.Namespace, config, said, given, model):
     """The cameras for the images, and the images themselves."""
-    from ...api.recording import with_sources
+    from contextlib import ExitStack
+
     from ...loaders.bag.reader import BagReader
     from ...loaders.rig.rig_yaml import load_rig
-    from ...runs.image_sets import BagStream, SourceStream, rig_of_bag
+    from ...runs.image_sets import BagStream, ImageSetStream, SourceStream, rig_of_bag
     from ...runs.joint_states import robot_images
 
-    rig = with_sources(load_rig(args.rig), dict(getattr(args, "source", None) or ()))
-    if args.bag is None:
-        stream = SourceStream(rig, config.synchronizer)
+    rig = load_rig(args.rig)
+    stream: ImageSetStream
+    with ExitStack() as stack:
+        if args.bag is None:
+            stream = SourceStream(rig, config.synchronizer)
+        else:
+            reader = stack.enter_context(BagReader(args.bag))
+            rig = rig_of_bag(rig, reader)
+            stream = BagStream(rig, config.synchronizer, reader)
         return rig, robot_images(stream, stream.n_expected or 0, args.sets, said, rig.names, given, model)
-    with BagReader(args.bag) as reader:
-        rig = rig_of_bag(rig, reader)
-        bag = BagStream(rig, config.synchronizer, reader)
-        return rig, robot_images(bag, bag.n_expected or 0, args.sets, said, rig.names, given, model)
 
 
 def _print_place(model, fit) -> None:

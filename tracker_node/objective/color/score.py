@@ -108,9 +108,10 @@ class ColorObjective:
         constants = ColorConstants(model, rig, options.representation, options.normalized_weight, self._given_colors)
         weights = np.array(constants.weights, dtype=np.float32)
         self._constants = constants
+        self._gained = options.gained and constants.weights[0] > 0.0
         self._form = form_of(
             constants.n_directional, constants.n_spots, constants.bent, constants.weights[0] > 0.0, constants.weights[1] > 0.0,
-            options.gained,
+            self._gained,
         )  # fmt: skip
         self._chain = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
         used = np.ones(len(model.shapes), dtype=np.bool_)
@@ -216,7 +217,7 @@ class ColorObjective:
         if (folded[:, :, 2] == kernel.NOT_SMOOTH).any():
             for k, i in np.argwhere(folded[:, :, 2] == kernel.NOT_SMOOTH):
                 folded[k, i] = self._any_shapes(Configuration(self.model, states[k]), int(i))
-        if self.options.gained:
+        if self._gained:
             mm, products, squares = folded[..., MODEL_SQUARES], folded[..., PRODUCTS:IMAGE_SQUARES], folded[..., IMAGE_SQUARES:]
             folded[..., 0] += self._constants.weights[0] * squares_left(mm, products, squares)
         return folded[..., :3]
@@ -251,8 +252,7 @@ class ColorObjective:
             assert image is not None
             self._views.fill([image[:: self.options.row_step] if i == index else None for i in range(2 * len(self.rig))])
             self._filled[index] = True
-        gained = self.options.gained and self._constants.weights[0] > 0.0
-        score_with_cast(configuration, camera, self._constants, index, self._views, self._what[1], gained, total)
+        score_with_cast(configuration, camera, self._constants, index, self._views, self._what[1], self._gained, total)
         return total
 
     def evaluate(self, state: State) -> ColorScore:

@@ -27,7 +27,7 @@ from ..per_camera import serial
 
 _BLUR = 1.2  # px, before every halving
 _FINEST_BLUR = 0.7  # px
-_GAIN_STEP_PX = 4  # every so-maniest pixel tells of an image's gain
+_GAIN_STEP_PX = 4  # from pixel to pixel, across and down, that tell of an image's gain
 _REWEIGHTED = 3  # times that gains of images are found, each with the weights of the one before
 _LEAST_SUM = 20.0  # of red, green and blue, for the intensity-normalized color of a dark pixel
 

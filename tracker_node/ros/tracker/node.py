@@ -15,6 +15,7 @@ from ...camera.model import CameraModel
 from ...errors import TrackerError
 from ...model.configuration import State
 from ...observation.image_set import ImageSet
+from ...runs.joint_states import check_use
 from ...runs.messages import lens_of
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import TrackEstimate
@@ -107,6 +108,8 @@ class TrackerNode(ManagedNode):
         points = PointMatching(config.synchronizer.image_period_s)
         self._keypoints = KeypointInbox(self, points, self._mismatches, self._diagnostics, options.point_names)
         topic = str(fixed["joint_states"])
+        if topic:
+            check_use(options.model, config)
         said = JointStateInbox(self, options.model, topic, self._diagnostics, self._mismatches) if topic else None
         self._joint_states = said
         self._maker.prepare(cameras, config, writeable=inbox.compressed)
@@ -214,6 +217,8 @@ class TrackerNode(ManagedNode):
     def _check_change(self, config: TrackerConfig, cameras: tuple[str, ...]) -> None:
         """What does not suit the body is refused before the parameters are accepted."""
         if self._worker is not None:
+            if self._joint_states is not None:
+                check_use(self._options.model, config)
             self._maker.check(cameras, config)
 
     def _on_change(self, config: TrackerConfig) -> None:
