@@ -72,6 +72,9 @@ def test_a_message_that_contradicts_itself_is_refused():
         positions_of(message, ["bend"])
     message.position = [np.nan, 0.5]
     assert positions_of(message, ["bend", "turn"]) == [("turn", 0.5)]
+    message.position = [np.nan, np.inf]
+    with pytest.raises(TrackerError, match="a number for one of 'bend', 'turn', got none"):
+        positions_of(message, ["bend", "turn"])
 
 
 @pytest.fixture(scope="module")

@@ -78,10 +78,13 @@ def positions_of(message: Any, axes: Collection[str]) -> list[tuple[str, float]]
     names, positions = list(message.name), np.asarray(message.position, dtype=np.float64)
     if len(names) != len(positions):
         raise TrackerError(f"joint states: expected a position for each of {len(names)} names, got {len(positions)}")
-    known = [(name, float(p)) for name, p in zip(names, positions, strict=True) if name in axes and np.isfinite(p)]
+    known = [(name, float(p)) for name, p in zip(names, positions, strict=True) if name in axes]
     if not known:
         raise TrackerError(f"joint states: expected positions of {_listed(axes)}, got those of {_listed(names)}")
-    return known
+    finite = [(name, position) for name, position in known if np.isfinite(position)]
+    if not finite:
+        raise TrackerError(f"joint states: expected a number for one of {_listed([name for name, _ in known])}, got none")
+    return finite
 
 
 def load_joint_states(file: JointStateFile, model: ArticulatedModel) -> JointStates:
