@@ -227,8 +227,9 @@ def others(name: str, given: Any) -> Iterator[Any]:
 def cases() -> list[tuple[str, str]]:
     """Each parameter once, with the first way to track that has it and in which it should count."""
     by_way = {
-        "color.schedule": "stepping", "color.search_radius": "rigid", "combination": "joint", "motion.velocity_gain": "color",
-        "motion.velocity_decay": "color", "self_check.enabled": "chamfer", "self_check.window_s": "chamfer",
+        "color.schedule": "stepping", "color.search_radius": "rigid", "color.fit_gain": "rigid", "combination": "joint",
+        "motion.velocity_gain": "color", "motion.velocity_decay": "color",
+        "self_check.enabled": "chamfer", "self_check.window_s": "chamfer",
         "self_check.angle_deg": "chamfer", "self_check.sigmas": "chamfer",
         **{f"initialization.{name}": "chamfer" for name in QUICKLY_SEARCHED},
     }  # fmt: skip

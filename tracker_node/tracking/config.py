@@ -382,7 +382,7 @@ class ColorConfig(ColorOverBackgroundConfig):
     )  # fmt: skip
     fit_gain: bool = parameter(
         True, "compare raw colors in the gain of each camera, and within a fifth of each channel, that suits best: exposures and"
-        " white balances need not be known",
+        " white balances need not be known; points of learned colors are in the light of the images already",
     )  # fmt: skip
     optimizer: str = parameter(
         "alignment",

@@ -132,6 +132,9 @@ def person_clip(place: Place) -> None:
 
 def robot(place: Place) -> None:
     place.lay(place.shelf.robot)
+    place.lay(ROOT / "config/models/robot_arm.urdf", "arm.urdf")
+    place.lay(place.shelf.robot / "state.yaml", "about.yaml")
+    place.lay(place.shelf.robot / "true_states.csv", "moves.csv")
     shipped_files(place)
 
 
