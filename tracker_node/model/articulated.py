@@ -46,7 +46,7 @@ class Landmark:
     position: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ArticulatedModel:
     """A body that can be posed. A rigid object is one link without joints.
 

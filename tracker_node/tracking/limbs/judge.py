@@ -21,7 +21,7 @@ from ...model.configuration import Configuration, State
 from ...objective.lines.correspondences import PartEvidence
 from ..config import StatusConfig
 from ..estimate import LimbReport, LimbStatus, Status
-from .tree import Limb, limbs_of, neutral_spheres
+from .tree import Limb, limbs_of, thing_size
 
 LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
@@ -111,7 +111,7 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
-        self._known_m = _KNOWN_OF_THING * _size(model)
+        self._known_m = _KNOWN_OF_THING * thing_size(model)
         self.reset()
 
     def reset(self) -> None:
@@ -362,13 +362,6 @@ class LimbJudge:
             if guessed:
                 result[limb.dofs] = np.minimum(result[limb.dofs], _OF_GUESSES)
         return result
-
-
-def _size(model: ArticulatedModel) -> float:
-    """Twice how far a body of one link reaches from the middle of its shapes, meters."""
-    spheres = neutral_spheres(model)
-    middle = spheres[:, :3].mean(axis=0)
-    return 2.0 * float((np.linalg.norm(spheres[:, :3] - middle, axis=1) + spheres[:, 3]).max())
 
 
 def _beyond(distance: float, sigma: float) -> float:

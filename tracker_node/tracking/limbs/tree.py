@@ -80,6 +80,13 @@ def neutral_spheres(model: ArticulatedModel) -> np.ndarray:
     return spheres
 
 
+def thing_size(model: ArticulatedModel) -> float:
+    """Twice how far a body of one link reaches from the middle of its shapes, meters."""
+    spheres = neutral_spheres(model)
+    middle = spheres[:, :3].mean(axis=0)
+    return 2.0 * float((np.linalg.norm(spheres[:, :3] - middle, axis=1) + spheres[:, 3]).max())
+
+
 def _small(model: ArticulatedModel, stretches: list[_Stretch]) -> set[int]:
     """Indices of the ends whose shapes are, together, less than a tenth as large as those of the whole neutral body."""
     spheres = neutral_spheres(model)

@@ -9,6 +9,8 @@ learned from synthetic clips that no figure is taken from, see `benchmark/trust/
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...camera.rig import CameraRig
@@ -102,7 +104,7 @@ class RegionJudge(Judge):
     def _of(self, fit: LineFit) -> tuple[ImageEvidence, tuple[np.ndarray, np.ndarray]]:
         """What the lines say of a fit, and its `fit_covariance`."""
         if self._known is None or self._known[0] is not fit:
-            images = self._errors.evidence(fit.correspondences, fit.state, self._fitting.share)
+            images = replace(self._errors.evidence(fit.correspondences, fit.state, self._fitting.share), modes=fit.modes)
             body = Configuration(self._model, fit.state)
             self._known = fit, images, fit_covariance(fit.equations.H, images, body)
         return self._known[1:]

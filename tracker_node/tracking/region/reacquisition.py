@@ -28,7 +28,7 @@ from .area import RegionArea
 from .fitting import LineFit, RegionFitting
 from .limb_modes import PartPose
 from .limb_search import LimbSearch
-from .tilts import Misfit, tilted
+from .rigid_modes import Misfit, RigidModes
 
 _CLEARLY = 0.05  # fraction of the outline by which long lines must do better than short ones
 _CLEAR_ODDS = -1.5  # log odds of lost, below which a limb is where it was found, wherever else it might have been
@@ -37,7 +37,6 @@ _FIRST_ROUNDS = 3  # of trying all limbs elsewhere, at most, on the first image 
 _REST_SETS = 3  # from one search for limbs to the next while points come, which do without: live, one after another is too much
 _POINTS_COME = 30  # image sets since the last points, within which they do
 _RIVAL_SETS = 3  # from one look for a place that a limb may have as well to the next: it takes as long as half an image set
-_LEAST_LINES = 0.8  # of those of another fit, that a tilted body must have to be compared with it
 
 
 class _Pace:
@@ -130,6 +129,8 @@ class Reacquisition(Solver):
         self._all_scales = numbers(config.region.scales)
         self._search, self._pace = LimbSearch(model, judge, config.limb_search), _Pace(config.limb_search.interval_sets)
         self._scales = self._all_scales
+        has_modes = model.n_dof == N_ROOT_DOF and config.colors is None
+        self._rigid = RigidModes(rig, model, fitting, self._evidence) if has_modes else None
         if len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
             self._scales = self._all_scales[1:]  # coarse lines find a narrow limb on any stripe of its color
         self.reset()
@@ -143,6 +144,8 @@ class Reacquisition(Solver):
 
     def _forget(self) -> None:
         self._misfit = Misfit()
+        if self._rigid is not None:
+            self._rigid.reset()
         self._looked = 0
         self._pace.reset()
 
@@ -171,6 +174,8 @@ class Reacquisition(Solver):
         else:
             fit = self.improved(self._fitting.fit(start, self._scales, prior, self._model_sigma_px), start, prior)
         fit = self._with_modes(fit, prior)
+        if self._rigid is not None:
+            fit = self._with_rigid_modes(self._rigid, fit, first)
         self._model_sigma_px = fit.model_sigma_px
         return fit
 
@@ -261,8 +266,6 @@ class Reacquisition(Solver):
         -------
         The best fit; ``jumped`` where something lost has been found.
         """
-        if self._model.n_dof == N_ROOT_DOF and self._misfit.is_sudden(fit.correspondences.at(fit.state).cost_per_line):
-            fit = self._tilted_back(fit, prior)
         if not self._judge.knows:
             return fit
         if self._judge.body_lost and self.tracked is not None:
@@ -324,6 +327,13 @@ class Reacquisition(Solver):
         self._judge.rivals[:] = np.isin(np.arange(len(self._judge.limbs)), modes.followed)
         return fit
 
+    def _with_rigid_modes(self, modes: RigidModes, fit: LineFit, first: bool) -> LineFit:
+        """The same, or another mode that is clearly better, with the modes beside it."""
+        if not first and self._judge.body_lost:
+            modes.reset()
+            return fit
+        return modes.look(fit, first, self._misfit.is_sudden(fit.correspondences.at(fit.state).cost_per_line))
+
     def _with_trunk(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
         """The same with the trunk, and all that hangs on it, where the colors speak for it."""
         found = self._search.find_trunk(fit.state, start, self._images(fit))
@@ -353,16 +363,6 @@ class Reacquisition(Solver):
             self._pace.body_found()
             return replace(again, jumped=True)
         return self._fitting.redrawn(fit)
-
-    def _tilted_back(self, fit: LineFit, prior: Prior | None) -> LineFit:
-        """A rigid body whose lines disagree all at once may be tilted to the other side: the best of all tilts and ``fit``."""
-        best, least = fit, fit.correspondences.at(fit.state).cost_per_line
-        for state in tilted(self._model, self._rig, fit.state):
-            other = self._fitting.fit(state, self._scales[-2:], prior, fit.model_sigma_px)
-            cost = other.correspondences.at(other.state).cost_per_line
-            if cost < least and other.equations.count >= _LEAST_LINES * fit.equations.count:
-                best, least = other, cost
-        return self._fitting.redrawn(replace(best, model_sigma_px=fit.model_sigma_px))
 
     def _images(self, fit: LineFit) -> _ImagesOfSet:
         return _ImagesOfSet(self._fitting, self._area, self._region.inlier_px, fit.model_sigma_px)

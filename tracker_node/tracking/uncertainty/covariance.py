@@ -16,7 +16,7 @@ of the images (the inverse covariance without any prior) has small eigenvalues t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,12 +43,15 @@ class ImageEvidence:
     normal : (n_links, 6, 6) their information on the spatial twist of each link.
     gradient : (n_dof,) of what they cost the state, half of it, as in the normal equations; None where the fit went by other
         evidence, too.
+    modes : (n_dof, n_modes) tangents to other states that they allow, each times the root of its probability; None: there are
+        none.
     """
 
     information: np.ndarray
     scatter: np.ndarray
     normal: np.ndarray
     gradient: np.ndarray | None = None
+    modes: np.ndarray | None = None
 
     def measurement(self, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
         """What these images alone say of the state: the inverse covariance M = H S^-1 H (n_dof, n_dof), and that times the
@@ -64,6 +67,13 @@ class ImageEvidence:
         columns = np.column_stack([self.information, -gradient])
         half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * columns)
         M, innovation = half[:, :-1].T @ half[:, :-1], half[:, :-1].T @ half[:, -1]
+        if self.modes is not None:  # (M^-1 + D D^T)^-1, and its pull to the same place
+            spread = M @ self.modes
+            off = spread @ np.linalg.solve(np.eye(spread.shape[1]) + self.modes.T @ spread, spread.T)
+            innovation = innovation - spread @ np.linalg.solve(
+                np.eye(spread.shape[1]) + self.modes.T @ spread, self.modes.T @ innovation
+            )
+            M = M - off
         if weights is not None and (weights != 1.0).any():
             scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-6 * max(float(np.diag(M).max()), 1.0)))
             tangent = scale * np.linalg.solve(M * np.outer(scale, scale) + 1e-6 * np.eye(len(M)), scale * innovation)
@@ -75,7 +85,7 @@ class ImageEvidence:
         """The same without what seems to be told of a direction (n_dof,) that no image tells."""
         P = _off(self.information, direction)
         gradient = None if self.gradient is None else P.T @ self.gradient
-        return ImageEvidence(P.T @ self.information @ P, P.T @ self.scatter @ P, self.normal, gradient)
+        return ImageEvidence(P.T @ self.information @ P, P.T @ self.scatter @ P, self.normal, gradient, self.modes)
 
     def weighted(self, weights: np.ndarray, moved_by: np.ndarray) -> ImageEvidence:
         """The same with some degrees of freedom counting less.
@@ -91,7 +101,10 @@ class ImageEvidence:
         """
         both = np.outer(weights, weights)
         links = np.where(moved_by, weights, 1.0).min(axis=1) ** 2
-        return ImageEvidence(both * self.information, both * self.scatter, links[:, None, None] * self.normal)
+        return replace(
+            self, information=both * self.information, scatter=both * self.scatter, normal=links[:, None, None] * self.normal,
+            gradient=None,
+        )  # fmt: skip
 
 
 def _off(H: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -128,7 +141,7 @@ def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configurat
 
     Returns
     -------
-    (n_dof, n_dof), and what of it comes from second-order terms, (n_dof, n_dof).
+    (n_dof, n_dof), and what of it is beyond a normal distribution about the state: second-order terms and modes, (n_dof, n_dof).
     """
     total = H.copy()
     np.einsum("ii->i", total)[:] += _LEAST * max(float(np.diag(H).max()), 1.0)
@@ -139,6 +152,8 @@ def fit_covariance(H: np.ndarray, images: ImageEvidence | None, body: Configurat
     covariance = 0.5 * (covariance + covariance.T)
     second_order = _hardly_known(covariance, inverse, images, body)
     second_order = 0.5 * (second_order + second_order.T)
+    if images.modes is not None:
+        second_order += images.modes @ images.modes.T
     return covariance + second_order, second_order
 
 

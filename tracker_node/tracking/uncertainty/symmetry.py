@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -62,6 +63,7 @@ class Symmetry:
         return found
 
 
+@lru_cache(maxsize=8)
 def symmetry_of(model: ArticulatedModel, by_texture: bool = False) -> Symmetry:
     """The turns that map a body onto itself.
 
