@@ -27,6 +27,7 @@ class Assessment:
     part_weights : (n_shapes,) how far each part is where the state says, with ``limbs``.
     log_ratio : log-likelihood of the images for this state against chance, by which states in the same images are compared; None
         where the modality has no such measure.
+    doubt_rad : by how much a body without limbs may have turned since the last set, unseen; a standard deviation.
     support : (n_cameras,) the same of each camera, a sample of the outline; nan where it should not see any; None as above.
     """
 
@@ -39,6 +40,7 @@ class Assessment:
     part_weights: np.ndarray | None = None
     log_ratio: float | None = None
     support: np.ndarray | None = None
+    doubt_rad: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,7 @@ class _Track:
     ``log_ratio``: of the last assessment. ``start``: its last state, or the one that was given; None: it is not known. ``lost``:
     image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
     since the start in which a limb was lost; None: there was one without. ``turned``: why it may be turned otherwise, of a body
-    that looks the same then.
+    that looks the same then. ``doubt``: variance of its turn that has added up since it was TRACKING, radians^2.
     """
 
     engine: AnyEngine
@@ -69,6 +69,7 @@ class _Track:
     held: int = 0
     unproven: int | None = 0
     turned: str = ""
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +204,7 @@ class Tracker:
         self._restart(track.start)
         self._track.engine.begin(images, track.start, known=True)
         self._track.motion.take_over(track.motion)
-        turned = self._turned_otherwise(np.inf)
-        self._track = replace(track, engine=self._track.engine, motion=self._track.motion, turned=turned)
+        self._track = replace(track, engine=self._track.engine, motion=self._track.motion)
 
     def _reinitialized(self, initializer: Initializer, images: Images, image_set: ImageSet) -> TrackEstimate | None:
         """The estimate of another tracker that has found the body in all of the images, and whose track is taken; or None.
@@ -230,9 +230,11 @@ class Tracker:
             if (other.log_ratio or 0.0) < own + _CLEARLY * abs(own):
                 track.unproven = None
                 return None
-        self._track = other._track
+        self._track = replace(other._track, turned=self._turned_otherwise(np.inf))
         self._check.skip()
         self._late = other._late
+        if self._track.turned and estimate.status is Status.TRACKING:
+            estimate = replace(estimate, status=Status.DEGRADED, status_reason=self._track.turned)
         return replace(estimate, faults=self._faults)
 
     def _supported(self, images: Images, states: list[State]) -> list[State]:
@@ -376,15 +378,18 @@ class Tracker:
         turns = [turn for turn in self._symmetry.turns if sigma_rad > _OF_A_TURN * turn]
         if self.model.symmetric or not turns:
             return ""
-        return f"found again, it may as well be turned by {np.degrees(turns[-1]):.0f} degrees"
+        return f"where it was found it may as well be turned by {np.degrees(turns[-1]):.0f} degrees"
 
     def _with_turns(self, assessment: Assessment, prediction: Prediction | None) -> Assessment:
-        """DEGRADED, where a body that was lost has been found in one of several turns in which it looks the same."""
+        """DEGRADED, where a body that was lost, or in doubt, is in one of several turns in which it looks the same."""
         track = self._track
-        if track.lost and not track.turned and assessment.status is not Status.LOST:
+        track.doubt += assessment.doubt_rad**2
+        if assessment.status is Status.LOST:
             covariance = None if prediction is None else prediction.covariance
-            sigma_rad = np.inf if covariance is None else float(np.sqrt(np.linalg.eigvalsh(covariance[3:6, 3:6])[-1]))
-            track.turned = self._turned_otherwise(sigma_rad)
+            expected = np.inf if covariance is None else float(np.linalg.eigvalsh(covariance[3:6, 3:6])[-1])
+            track.doubt = max(track.doubt, expected)
+        elif assessment.status is Status.TRACKING:
+            track.turned, track.doubt = track.turned or self._turned_otherwise(np.sqrt(track.doubt)), 0.0
         if track.turned and assessment.status is Status.TRACKING:
             return replace(assessment, status=Status.DEGRADED, reason=track.turned)
         return assessment

@@ -231,3 +231,16 @@ def test_degrees_of_freedom_of_any_unit_are_measured_alike():
     np.testing.assert_allclose(M, 0.5 * H, rtol=1e-4, atol=1e-4 * np.abs(H).max())
     np.testing.assert_allclose(scaled / both, 0.5 * H, atol=1e-3 * np.abs(H).max())
     np.testing.assert_allclose(pulled / units, pull, atol=1e-3 * np.abs(pull).max())
+
+
+def test_other_modes_make_covariance_and_measurement_as_wide_as_they_are_far():
+    rng = np.random.default_rng(12)
+    J, offset, modes = rng.normal(size=(3 * N, N)), rng.normal(size=N), 0.3 * rng.normal(size=(N, 2))
+    H = J.T @ J
+    alone = ImageEvidence(H, 0.5 * H, np.zeros((N_LINKS, 6, 6)), -H @ offset)
+    wide = replace(alone, modes=modes)
+    added = fit_covariance(H, wide, BODY)[0] - fit_covariance(H, alone, BODY)[0]
+    np.testing.assert_allclose(added, modes @ modes.T, atol=1e-9)
+    (M, pull), (less, less_pull) = alone.measurement(), wide.measurement()
+    np.testing.assert_allclose(np.linalg.inv(less), np.linalg.inv(M) + modes @ modes.T, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.solve(less, less_pull), np.linalg.solve(M, pull), rtol=1e-6)

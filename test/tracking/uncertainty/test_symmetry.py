@@ -144,6 +144,7 @@ def test_a_box_that_is_found_again_may_have_been_turned_unless_that_does_not_mat
     if symmetric:
         assert last.status is Status.TRACKING
     else:
-        assert (last.status, last.status_reason) == (Status.DEGRADED, "found again, it may as well be turned by 180 degrees")
+        reason = "where it was found it may as well be turned by 180 degrees"
+        assert (last.status, last.status_reason) == (Status.DEGRADED, reason)
         tracker.set_state(states[-1])  # somebody knows
         assert tracker.step(one).status is Status.TRACKING

@@ -33,6 +33,7 @@ from .fitting import LineFit, RegionFitting
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 _UNSEEN = -1e6  # log-likelihood ratio of a body that no camera sees: worse than any that is seen
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put
+_LEAST_DOUBT_RAD = np.radians(2.0)  # that a thing of which little is found, or which is hardly known, may turn in a set
 _FOUND_LESS = 0.5  # times what is usual of the cameras: one that finds less of the outline does not agree
 
 
@@ -72,17 +73,22 @@ class RegionJudge(Judge):
             return Assessment(Status.LOST, reason, noise=True, limbs=self.limbs.nothing_seen(), log_ratio=_UNSEEN)
         by_points = self._by_points(fit)
         helped = self._fitting.region.has_silhouettes
-        reports = self.limbs.update(evidence, fit.state, self._of(fit)[1][0], by_points, helped)
+        images, (covariance, _) = self._of(fit)
+        about_one = covariance if images.modes is None else covariance - images.modes @ images.modes.T
+        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped)
         status, reason = body_status(reports)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set, fit.correspondences.active)
+        doubt_rad = 0.0
         if status is Status.TRACKING:
-            reason = self.limbs.doubt(evidence, fit.state, self._of(fit)[1][0])
+            reason = self.limbs.doubt(evidence, fit.state, covariance)
             status = Status.DEGRADED if reason else status
+        if status is not Status.TRACKING and len(reports) == 1:
+            doubt_rad = max(float(np.sqrt(np.linalg.eigvalsh(covariance[3:6, 3:6])[-1])), _LEAST_DOUBT_RAD)
         return Assessment(
             status, reason, noise=is_noise(evidence) and by_points is None, jumped=fit.jumped, limbs=reports,
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
-            log_ratio=_log_ratio(evidence), support=_support(evidence),
+            log_ratio=_log_ratio(evidence), support=_support(evidence), doubt_rad=doubt_rad,
         )  # fmt: skip
 
     def _by_points(self, fit: LineFit) -> np.ndarray | None:

@@ -28,7 +28,7 @@ from .area import RegionArea
 from .fitting import LineFit, RegionFitting
 from .limb_modes import PartPose
 from .limb_search import LimbSearch
-from .rigid_modes import Misfit, RigidModes
+from .rigid_modes import RigidModes
 
 _CLEARLY = 0.05  # fraction of the outline by which long lines must do better than short ones
 _CLEAR_ODDS = -1.5  # log odds of lost, below which a limb is where it was found, wherever else it might have been
@@ -129,7 +129,7 @@ class Reacquisition(Solver):
         self._all_scales = numbers(config.region.scales)
         self._search, self._pace = LimbSearch(model, judge, config.limb_search), _Pace(config.limb_search.interval_sets)
         self._scales = self._all_scales
-        has_modes = model.n_dof == N_ROOT_DOF and config.colors is None
+        has_modes = model.n_dof == N_ROOT_DOF and config.colors is None  # colors and pictures tell modes apart
         self._rigid = RigidModes(rig, model, fitting, self._evidence) if has_modes else None
         if len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
             self._scales = self._all_scales[1:]  # coarse lines find a narrow limb on any stripe of its color
@@ -143,7 +143,6 @@ class Reacquisition(Solver):
         self._forget()
 
     def _forget(self) -> None:
-        self._misfit = Misfit()
         if self._rigid is not None:
             self._rigid.reset()
         self._looked = 0
@@ -332,7 +331,7 @@ class Reacquisition(Solver):
         if not first and self._judge.body_lost:
             modes.reset()
             return fit
-        return modes.look(fit, first, self._misfit.is_sudden(fit.correspondences.at(fit.state).cost_per_line))
+        return modes.look(fit, first)
 
     def _with_trunk(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
         """The same with the trunk, and all that hangs on it, where the colors speak for it."""

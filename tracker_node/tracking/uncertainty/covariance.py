@@ -54,8 +54,8 @@ class ImageEvidence:
     modes: np.ndarray | None = None
 
     def measurement(self, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
-        """What these images alone say of the state: the inverse covariance M = H S^-1 H (n_dof, n_dof), and that times the
-        tangent to where they have it, (n_dof,), None where there is no gradient.
+        """What these images alone say of the state: the inverse covariance M = H S^-1 H (n_dof, n_dof), less sure by the modes,
+        and that times the tangent to where they have it, (n_dof,), None where there is no gradient.
 
         ``weights`` (n_dof,): see `weighted`. What counts less is less certain, not elsewhere.
         """
@@ -67,13 +67,10 @@ class ImageEvidence:
         columns = np.column_stack([self.information, -gradient])
         half = np.linalg.solve(np.linalg.cholesky(scatter), scale[:, None] * columns)
         M, innovation = half[:, :-1].T @ half[:, :-1], half[:, :-1].T @ half[:, -1]
-        if self.modes is not None:  # (M^-1 + D D^T)^-1, and its pull to the same place
-            spread = M @ self.modes
-            off = spread @ np.linalg.solve(np.eye(spread.shape[1]) + self.modes.T @ spread, spread.T)
-            innovation = innovation - spread @ np.linalg.solve(
-                np.eye(spread.shape[1]) + self.modes.T @ spread, self.modes.T @ innovation
-            )
-            M = M - off
+        if self.modes is not None:  # (M^-1 + D D^T)^-1, which pulls to the same place
+            told = M @ self.modes
+            less = told @ np.linalg.inv(np.eye(told.shape[1]) + self.modes.T @ told)
+            M, innovation = M - less @ told.T, innovation - less @ (self.modes.T @ innovation)
         if weights is not None and (weights != 1.0).any():
             scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-6 * max(float(np.diag(M).max()), 1.0)))
             tangent = scale * np.linalg.solve(M * np.outer(scale, scale) + 1e-6 * np.eye(len(M)), scale * innovation)
