@@ -68,3 +68,12 @@ def test_limbs_are_counted_that_are_right_and_called_lost():
     }  # fmt: skip
     figures = alarms.figures_of("x", [alarms.counted(short, run)])
     assert figures["x.false_fraction"] == pytest.approx(1.0 / figures["x.limb_sets"])
+
+
+def test_a_limb_before_bars_of_its_color_is_not_called_lost_where_it_is_right():
+    scene = alarms.drawn("bars", "figure", 13)
+    tracker, said = alarms.Tracker(scene.rig, scene.model, alarms.TrackerConfig(), None, scene.states[0]), []
+    for _, one in zip(range(5), scene.sets(), strict=False):
+        said.append({limb.name: limb.status for limb in tracker.step(one).limbs})
+    assert said[4]["left_shank"] is LimbStatus.DEGRADED  # little tells it from the bars
+    assert all(status is not LimbStatus.LOST for each in said for status in each.values())

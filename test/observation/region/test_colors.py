@@ -6,7 +6,13 @@ import pytest
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
-from tracker_node.observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
+from tracker_node.observation.region.colors import (
+    RegionColors,
+    color_classes,
+    distinctness,
+    stated_densities,
+    trust_stated_colors,
+)
 
 N = 4096  # colors that are told apart: 16 a channel
 LITTLE = 0.02 / N  # of every color, that is expected anyway
@@ -27,6 +33,16 @@ def model(*shapes: tuple) -> ArticulatedModel:
 
 def learner(n: int = 1) -> RegionColors:
     return RegionColors(np.arange(n, dtype=np.int32), np.zeros((n, N), np.float32), 0.2)
+
+
+def test_a_color_that_shows_around_as_often_as_on_the_part_tells_nothing():
+    part, scene, mixed = np.zeros(N, np.float32), np.zeros(N, np.float32), np.zeros(N, np.float32)
+    part[place(RED_BGR)] = scene[place(GRAY)] = 1.0
+    mixed[place(RED_BGR)], mixed[place(GRAY)] = 0.25, 0.75
+    assert distinctness(part, scene) == pytest.approx(2.0) and distinctness(part, part) == pytest.approx(0.0, abs=1e-6)
+    assert distinctness(part, mixed) == pytest.approx(np.log(4.0), abs=1e-6)
+    assert distinctness(mixed, part) == pytest.approx(0.75 * 2.0 - 0.25 * np.log(4.0), abs=1e-5)
+    assert distinctness(0.0 * part, scene) == 0.0
 
 
 def test_left_and_right_of_one_color_are_one_class():

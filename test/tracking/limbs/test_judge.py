@@ -68,6 +68,16 @@ def test_a_limb_whose_colors_go_on_beyond_its_outline_is_degraded_and_not_lost()
     assert statuses(told(judge, replace(seen, empty=0.1 * seen.expected), 3)) == {"left_forearm": LimbStatus.LOST}
 
 
+def test_a_limb_whose_colors_are_all_around_is_degraded_and_not_lost():
+    judge, seen = LimbJudge(MODEL, StatusConfig()), evidence(left_forearm=0.1, left_shank=0.1)
+    told(judge, evidence(), 20)
+    common = np.array([limb.name == "left_forearm" for limb in judge.limbs])
+    for _ in range(30):
+        reports = judge.update(seen, State.neutral(MODEL), common=common)
+    of_limbs = statuses({report.name: report for report in reports})
+    assert of_limbs == {"left_forearm": LimbStatus.DEGRADED, "left_shank": LimbStatus.LOST}
+
+
 def judge_limb(name):
     return next(limb for limb in LimbJudge(MODEL, StatusConfig()).limbs if limb.name == name)
 

@@ -19,6 +19,7 @@ from ..appearance import BINS, Region, count_colors, spread_counts
 
 N_COLORS = BINS**3
 UNIFORM = 1.0 / N_COLORS
+_MOST_TOLD, _LEAST_DENSITY = 2.0, 1e-9  # of `distinctness`
 _MIX = 0.02  # a little of every color: none is impossible
 _DOUBTFUL = 0.3  # weight of surroundings that may be the body's
 _LEAST_COUNT = 20  # pixels; fewer do not count
@@ -170,6 +171,21 @@ def _stated_density(color_rgb: tuple[float, ...]) -> np.ndarray:
     squares = ((colors[:, None, :] - shades[None]) ** 2).sum(axis=2)
     density = np.exp(-0.5 * squares / _PRIOR_SIGMA**2).sum(axis=1)
     return density / density.sum()
+
+
+def distinctness(part: np.ndarray, scene: np.ndarray) -> float:
+    """How well the colors of a part tell it from its surroundings.
+
+    Parameters
+    ----------
+    part, scene : (`N_COLORS`,) densities.
+
+    Returns
+    -------
+    Log-likelihood ratio of a pixel of the part against its surroundings, clipped at `_MOST_TOLD`, on average over its colors.
+    """
+    ratios = np.log((part + _LEAST_DENSITY) / (scene + _LEAST_DENSITY))
+    return float(part @ np.clip(ratios, -_MOST_TOLD, _MOST_TOLD) / max(float(part.sum()), _LEAST_DENSITY))
 
 
 class RegionColors:

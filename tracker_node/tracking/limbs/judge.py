@@ -131,6 +131,11 @@ class LimbJudge:
         self.rivals = np.zeros(len(self.limbs), dtype=np.bool_)
 
     @property
+    def by_probability(self) -> list[tuple[Limb, float]]:
+        """Limbs, with the probability that each is lost."""
+        return list(zip(self.limbs, self.probabilities.tolist(), strict=True))
+
+    @property
     def knows(self) -> bool:
         """Whether anything has been seen that limbs can be compared with."""
         return self._helped is not None
@@ -148,7 +153,7 @@ class LimbJudge:
 
     def update(
         self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None,
-        helped: bool = False,
+        helped: bool = False, common: np.ndarray | None = None,
     ) -> tuple[LimbReport, ...]:  # fmt: skip
         """Take in an image set.
 
@@ -159,6 +164,7 @@ class LimbJudge:
         covariance : (n_dof, n_dof) of ``state`` in its tangent; None: not known.
         others : (n_limbs,) log odds of being lost by the points of a detector, nan without any; None: no detector has looked.
         helped : silhouettes of a detector help to find the outlines.
+        common : (n_limbs,) mask of those whose colors are all around: little tells them from what is behind; None: of none.
 
         Returns
         -------
@@ -176,7 +182,8 @@ class LimbJudge:
             others[0] = self._trunk_by_limbs(measures)
         shapes = [limb.shapes for limb in self.limbs]
         empty = [float(evidence.empty[:, s].sum() / max(evidence.expected[:, s].sum(), 1.0)) for s in shapes]
-        return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i]), empty[i]) for i in range(len(self.limbs)))
+        told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
+        return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i]), told[i]) for i in range(len(self.limbs)))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
         """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
@@ -227,7 +234,7 @@ class LimbJudge:
         paired = zip(self.limbs, self.probabilities, strict=True)
         return tuple(LimbReport(limb.name, LimbStatus.UNSEEN, "in no image", float(p)) for limb, p in paired)
 
-    def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float, others: float, empty: float) -> LimbReport:
+    def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float, others: float, told: bool) -> LimbReport:
         config, limb, before = self._config, self.limbs[i], self.probabilities[i]
         p = before * (1.0 - config.limb_recovery) + (1.0 - before) * config.limb_loss
         elsewhere = _beyond(LOST_TIP_M, sigma_m)
@@ -247,7 +254,7 @@ class LimbJudge:
             outline = float(np.clip(outline, -_BESIDE, _BESIDE))
         odds = float(np.clip(outline + others, -config.evidence_limit, config.evidence_limit))
         p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
-        if i > 0 and not others and empty < _LEAST_EMPTY and p > before:
+        if i > 0 and not others and not told and p > before:
             p = max(min(p, _UNTOLD), before)
         self.probabilities[i] = p
         if p < config.limb_degraded and measures is not None and self._confirmed[i]:

@@ -34,6 +34,8 @@ _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be as
 _UNSEEN = -1e6  # log-likelihood ratio of a body that no camera sees: worse than any that is seen
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put
 _LEAST_DOUBT_RAD = np.radians(2.0)  # that a thing of which little is found, or which is hardly known, may turn in a set
+_ASKED = 0.01  # probability of lost, beyond which it is asked whether a limb's colors are common
+_DISTINCT = 1.35  # log-likelihood ratio that a pixel of a limb has on average, of 2 at most; in bars of its color 0.4 to 1.3
 _FOUND_LESS = 0.5  # times what is usual of the cameras: one that finds less of the outline does not agree
 
 
@@ -75,7 +77,8 @@ class RegionJudge(Judge):
         helped = self._fitting.region.has_silhouettes
         images, (covariance, _) = self._of(fit)
         about_one = covariance if images.modes is None else covariance - images.modes @ images.modes.T
-        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped)
+        common = np.array([p > _ASKED and self._is_common(limb.shapes) for limb, p in self.limbs.by_probability])
+        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common)
         status, reason = body_status(reports)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set, fit.correspondences.active)
@@ -90,6 +93,10 @@ class RegionJudge(Judge):
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
             log_ratio=_log_ratio(evidence), support=_support(evidence), doubt_rad=doubt_rad,
         )  # fmt: skip
+
+    def _is_common(self, shapes: np.ndarray) -> bool:
+        """Whether what surrounds the body has the colors of a limb."""
+        return self._fitting.region.distinctness(shapes) < _DISTINCT
 
     def _by_points(self, fit: LineFit) -> np.ndarray | None:
         """Log odds of each limb being lost, by the points of a detector, where there are any."""

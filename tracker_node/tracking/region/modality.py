@@ -20,6 +20,7 @@ from ...model.humans.surfaces import expected_surfaces
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, LineOptions, Offsets, PartEvidence, View
 from ...objective.lines.surfaces import N_UNKNOWNS, Surfaces, SurfaceSums
 from ...objective.per_camera import camera_constants
+from ...observation.region.colors import distinctness
 from ...render.occluders import Occluders
 from ...render.shape_arrays import ShapeArrays
 from ..config import KEYPOINTS, KeypointConfig, TrackerConfig
@@ -179,6 +180,15 @@ class RegionModality(Modality):
         """
         size_m, px_per_m = self.size(state)
         return lines.at(state).part_evidence(close_px * max(size_m * px_per_m / _LARGE_PX, 1.0))
+
+    def distinctness(self, shapes: np.ndarray) -> float:
+        """How well the colors of some parts, (n_shapes,) mask, tell them from what surrounds the body; see
+        `observation.region.colors.distinctness`. The mean over parts and cameras that show anything."""
+        densities = [view.densities for view in self.views if view is not None]
+        classes = self.appearance.classes[shapes]
+        told = [[distinctness(body[i], scene) for i in np.unique(classes)] for body, scene in densities]
+        counts = np.unique(classes, return_counts=True)[1]
+        return float(np.average(np.mean(told, axis=0), weights=counts)) if told else 0.0
 
     def zoom(self, state: State) -> float:
         """Size of the body in the images, in that of a body whose lines are as long as stated."""
