@@ -90,6 +90,7 @@ class TextureObjective:
         self.workers = workers or Workers(2)
         finest = textured_extent(model) / self.options.points_per_edge
         self._points = [surface_points(model, finest * 2**k) for k in range(self.options.levels)]
+        self._doubts = [_doubt(points.colors, self.options.robust_scale) for points in self._points]
         self._pyramids: list[list[np.ndarray] | None] = [None] * len(rig)
 
     @property
@@ -107,7 +108,7 @@ class TextureObjective:
 
     def at_level(self, level: int) -> TextureLevel:
         """The objective on one level; what is seen is decided at its first linearization and kept."""
-        return TextureLevel(self, self._points[level], self._pyramids)
+        return TextureLevel(self, self._points[level], self._pyramids, self._doubts[level])
 
     def at_row_step(self, row_step: int) -> TextureScores:
         """Scores on the level whose points are about ``row_step`` times as far apart as the finest."""
@@ -134,6 +135,11 @@ class TextureObjective:
     def scores(self, states: Sequence[State]) -> np.ndarray:
         """(n,) of `score`."""
         return TextureScores(self, 0).scores(states)
+
+
+def _doubt(colors: np.ndarray, scale: float) -> float:
+    """What little that is seen weighs: a share of the robust cost of flat images."""
+    return _DOUBT * scale**2 * float(np.log1p(((colors - colors.mean(axis=0)) / scale) ** 2).sum())
 
 
 class TextureScores:
@@ -166,7 +172,9 @@ class TextureScores:
 class TextureLevel:
     """Least squares on one level (`LeastSquaresObjective`)."""
 
-    def __init__(self, objective: TextureObjective, points: SurfacePoints, pyramids: Sequence[list[np.ndarray] | None]):
+    def __init__(
+        self, objective: TextureObjective, points: SurfacePoints, pyramids: Sequence[list[np.ndarray] | None], doubt: float
+    ):  # fmt: skip
         self.model, self.options = objective.model, objective.options
         self._points = points
         self._pyramids = pyramids
@@ -177,8 +185,7 @@ class TextureLevel:
         self._values, self._gradients, self._places = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
         self._weights = np.empty(n)
         self._frozen: list[int] | None = None  # octave of each camera
-        off = (points.colors - points.colors.mean(axis=0)) / self.options.robust_scale
-        self._doubt = _DOUBT * self.options.robust_scale**2 * float(np.log1p(off**2).sum())
+        self._doubt = doubt
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations in squared gray levels; the points that count are those seen at the first call."""

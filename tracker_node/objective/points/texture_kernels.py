@@ -8,16 +8,19 @@ information.
 
 from __future__ import annotations
 
+import math
+
 import numba as nb
 import numpy as np
 
-from ...camera.model import project_point
+from ...camera.model import NEAR, project_point
 
 LEAST_POINTS = 12  # of one camera
 LEAST_GAIN = 1e-3
 NOISE_VARIANCE = 1.0  # gray levels squared, of an image: a flat region correlates with nothing
 REWEIGHTED = 3  # rounds of weights
 N_WRENCH = 6
+_LARGE = 1e100  # of a product, whose next factor is far from what a float can hold
 
 # What a point is to a camera: of no interest; seen at first but no longer within the image; within the image
 UNSEEN, OUTSIDE, INSIDE = 0, 1, 2
@@ -46,7 +49,7 @@ def look(points, Ts_world_link, camera, picture, frozen, flags, values, gradient
     pixels, octave = picture
     height, width = pixels.shape[0], pixels.shape[1]
     shrink = 1.0 / (1 << octave)
-    inside = 0
+    inside, plain = 0, params[5] == 0.0
     for i in range(positions.shape[0]):
         T = Ts_world_link[links[i]]
         if frozen and flags[i] == UNSEEN:
@@ -64,7 +67,14 @@ def look(points, Ts_world_link, camera, picture, frozen, flags, values, gradient
         xc = R[0, 0] * x[0] + R[0, 1] * x[1] + R[0, 2] * x[2] + t[0]
         yc = R[1, 0] * x[0] + R[1, 1] * x[1] + R[1, 2] * x[2] + t[1]
         zc = R[2, 0] * x[0] + R[2, 1] * x[1] + R[2, 2] * x[2] + t[2]
-        ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, xc, yc, zc)
+        if plain and zc >= NEAR:  # no distortion: without a call
+            iz = 1.0 / zc
+            xn, yn = xc * iz, yc * iz
+            ok, u, v = True, params[0] * xn + params[4] * yn + params[2], params[1] * yn + params[3]
+            ux, uy, vx, vy = params[0] * iz, params[4] * iz, 0.0, params[1] * iz
+            uz, vz = -(ux * xn + uy * yn), -vy * yn
+        else:
+            ok, u, v, ux, uy, uz, vx, vy, vz = project_point(params, xc, yc, zc)
         u, v = u * shrink, v * shrink
         if not ok or u < 0.0 or v < 0.0 or u >= width - 1.0 or v >= height - 1.0:
             continue
@@ -86,6 +96,18 @@ def look(points, Ts_world_link, camera, picture, frozen, flags, values, gradient
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def _sum_log1p(squares):
+    """Sum of log(1 + square), by the logarithm of products: one takes as long as twenty."""
+    total, product = 0.0, 1.0
+    for k in range(squares.size):
+        product *= 1.0 + squares[k]
+        if product > _LARGE:
+            total += math.log(product)
+            product = 1.0
+    return total + math.log(product)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def fit_brightness(colors, values, flags, channel, scale, weights):
     """Best gain and offset of one channel under a Cauchy kernel.
 
@@ -104,51 +126,56 @@ def fit_brightness(colors, values, flags, channel, scale, weights):
     Gain, offset, weighted mean of I, weighted sum of (I - mean)^2, sum of weights, robust cost, that of a flat image, points.
     """
     n, count, inside, plain_mean = colors.shape[0], 0, 0, 0.0
+    own, seen, places = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)  # of the points within the image, in a row
     for i in range(n):
         weights[i] = 0.0
         if flags[i] != UNSEEN:
             count += 1
             plain_mean += colors[i, channel]
         if flags[i] == INSIDE:
+            own[inside], seen[inside], places[inside] = colors[i, channel], values[i, channel], i
             inside += 1
-            weights[i] = 1.0
     if count == 0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     plain_mean /= count
-    flat, flat_inside = 0.0, 0.0
+    squares, k = np.empty(n), 0
     for i in range(n):
         if flags[i] != UNSEEN:
-            off = np.log1p(((colors[i, channel] - plain_mean) / scale) ** 2)
-            flat += off
-            if flags[i] == INSIDE:
-                flat_inside += off
-    flat, flat_inside = scale * scale * flat, scale * scale * flat_inside
+            off = (colors[i, channel] - plain_mean) / scale
+            squares[k] = off * off
+            k += 1
+    flat = scale * scale * _sum_log1p(squares[:count])
+    for k in range(inside):
+        off = (own[k] - plain_mean) / scale
+        squares[k] = off * off
+    flat_inside = scale * scale * _sum_log1p(squares[:inside])
     if inside < LEAST_POINTS:
         return 0.0, 0.0, 0.0, 0.0, 0.0, flat, flat, count
-    gain, offset, mean_i, var_i, total, cost = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    gain, offset, mean_i, var_i, total = 0.0, 0.0, 0.0, 0.0, 0.0
+    counts = np.ones(inside)
     for _ in range(REWEIGHTED):
         total, mean_i, mean_m = 0.0, 0.0, 0.0
-        for i in range(n):
-            if flags[i] == INSIDE:
-                total += weights[i]
-                mean_i += weights[i] * values[i, channel]
-                mean_m += weights[i] * colors[i, channel]
+        for k in range(inside):
+            w = counts[k]
+            total += w
+            mean_i += w * seen[k]
+            mean_m += w * own[k]
         mean_i, mean_m = mean_i / total, mean_m / total
         var_i, covariance = 0.0, 0.0
-        for i in range(n):
-            if flags[i] == INSIDE:
-                d = values[i, channel] - mean_i
-                var_i += weights[i] * d * d
-                covariance += weights[i] * d * (colors[i, channel] - mean_m)
+        for k in range(inside):
+            d = seen[k] - mean_i
+            wd = counts[k] * d
+            var_i += wd * d
+            covariance += wd * (own[k] - mean_m)
         gain = max(covariance / (var_i + NOISE_VARIANCE * total), LEAST_GAIN)
         offset = mean_m - gain * mean_i
-        cost = 0.0
-        for i in range(n):
-            if flags[i] == INSIDE:
-                off = ((colors[i, channel] - gain * values[i, channel] - offset) / scale) ** 2
-                weights[i] = 1.0 / (1.0 + off)
-                cost += np.log1p(off)
-    cost = scale * scale * cost + gain * gain * NOISE_VARIANCE * total
+        for k in range(inside):
+            off = (own[k] - gain * seen[k] - offset) / scale
+            squares[k] = off * off
+            counts[k] = 1.0 / (1.0 + squares[k])
+    for k in range(inside):
+        weights[places[k]] = counts[k]
+    cost = scale * scale * _sum_log1p(squares[:inside]) + gain * gain * NOISE_VARIANCE * total
     return gain, offset, mean_i, var_i, total, cost + flat - flat_inside, flat, count
 
 
@@ -167,7 +194,7 @@ def add_channel(colors, values, gradients, places, links, flags, channel, fit, w
     """
     gain, offset, mean_i, var_i, total = fit[0], fit[1], fit[2], fit[3], fit[4]
     one, two = 1.0 / np.sqrt(total), 1.0 / np.sqrt(max(var_i, 1e-12))
-    wrench = np.empty(N_WRENCH)
+    wrench, upper = np.empty(N_WRENCH), np.zeros(normal.shape)
     for i in range(colors.shape[0]):
         if flags[i] != INSIDE:
             continue
@@ -184,5 +211,11 @@ def add_channel(colors, values, gradients, places, links, flags, channel, fit, w
             gradient[link, a] += weighted * r
             shared[0, link, a] += weighted * one
             shared[1, link, a] += weighted * d * two
-            for b in range(N_WRENCH):
-                normal[link, a, b] += weighted * wrench[b]
+            for b in range(a, N_WRENCH):
+                upper[link, a, b] += weighted * wrench[b]
+    for link in range(normal.shape[0]):
+        for a in range(N_WRENCH):
+            normal[link, a, a] += upper[link, a, a]
+            for b in range(a + 1, N_WRENCH):
+                normal[link, a, b] += upper[link, a, b]
+                normal[link, b, a] += upper[link, a, b]

@@ -10,6 +10,7 @@ learned from synthetic clips that no figure is taken from, see `benchmark/trust/
 from __future__ import annotations
 
 from dataclasses import replace
+from statistics import median
 
 import numpy as np
 
@@ -108,7 +109,7 @@ class RegionJudge(Judge):
     def _status_of_cameras(self, evidence: PartEvidence, image_set: ImageSet, active: list[int]) -> tuple[Status, str]:
         expected, close = evidence.expected.sum(axis=1), evidence.close.sum(axis=1)
         shares = {self._rig.cameras[i].name: close[i] / expected[i] for i in active if expected[i] >= _LEAST_OUTLINE}
-        usual = float(np.median(list(shares.values()))) if shares else 0.0
+        usual = float(median(shares.values())) if shares else 0.0
         return assess_cameras(
             shares, _FOUND_LESS * usual, image_set.cameras, len(self._rig), "the body's outline is not found",
             "where the body is",
