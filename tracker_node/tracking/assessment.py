@@ -27,7 +27,7 @@ class Assessment:
     part_weights : (n_shapes,) how far each part is where the state says, with ``limbs``.
     log_ratio : log-likelihood of the images for this state against chance, by which states in the same images are compared; None
         where the modality has no such measure.
-    doubt_rad : by how much a body without limbs may have turned since the last set, unseen; a standard deviation.
+    doubt_rad : how well the turn of a body without limbs is known while it is in doubt, a standard deviation; 0 while it is not.
     support : (n_cameras,) the same of each camera, a sample of the outline; nan where it should not see any; None as above.
     """
 

@@ -204,7 +204,8 @@ class Tracker:
         self._restart(track.start)
         self._track.engine.begin(images, track.start, known=True)
         self._track.motion.take_over(track.motion)
-        self._track = replace(track, engine=self._track.engine, motion=self._track.motion)
+        turned = track.turned and self._turned_otherwise(np.inf)  # by other modalities its turns may be told
+        self._track = replace(track, engine=self._track.engine, motion=self._track.motion, turned=turned)
 
     def _reinitialized(self, initializer: Initializer, images: Images, image_set: ImageSet) -> TrackEstimate | None:
         """The estimate of another tracker that has found the body in all of the images, and whose track is taken; or None.
@@ -384,11 +385,11 @@ class Tracker:
         """DEGRADED, where a body that was lost, or in doubt, is in one of several turns in which it looks the same."""
         track = self._track
         track.doubt += assessment.doubt_rad**2
-        if assessment.status is Status.LOST:
+        if assessment.status is Status.LOST or track.lost:
             covariance = None if prediction is None else prediction.covariance
             expected = np.inf if covariance is None else float(np.linalg.eigvalsh(covariance[3:6, 3:6])[-1])
             track.doubt = max(track.doubt, expected)
-        elif assessment.status is Status.TRACKING:
+        if assessment.status is Status.TRACKING:
             track.turned, track.doubt = track.turned or self._turned_otherwise(np.sqrt(track.doubt)), 0.0
         if track.turned and assessment.status is Status.TRACKING:
             return replace(assessment, status=Status.DEGRADED, reason=track.turned)

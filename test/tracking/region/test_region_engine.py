@@ -209,3 +209,9 @@ def test_before_anything_is_known_nothing_is_drawn():
     assert active() == [0, 2]
     made.observe(images, None)
     assert active() == []
+
+
+def test_no_part_at_all_tells_nothing():
+    region, shapes = region_of(engine()), np.zeros(len(SCENE.model.shapes), dtype=np.bool_)
+    assert region.distinctness(shapes) == 0.0
+    assert region.distinctness(~shapes) == 0.0  # no camera shows anything

@@ -148,3 +148,22 @@ def test_a_box_that_is_found_again_may_have_been_turned_unless_that_does_not_mat
         assert (last.status, last.status_reason) == (Status.DEGRADED, reason)
         tracker.set_state(states[-1])  # somebody knows
         assert tracker.step(one).status is Status.TRACKING
+
+
+def test_a_camera_without_images_is_no_doubt_of_how_a_box_is_turned():
+    rig, box = rig_around([(0.0, 30.0), (75.0, 30.0), (150.0, 30.0)]), rigid(shape(Box((0.2, 0.13, 0.08))))
+    states = box_states(box, 6, 4)
+    tracker = Tracker(rig, box, from_dict({}), None, states[0])
+    for k, one in enumerate(image_sets(rig, box, states)):
+        estimate = tracker.step(ImageSet(one.stamp_ns, one.images[: 2 if k in (2, 3, 4) else 3]))
+        assert estimate.status is (Status.DEGRADED if k in (2, 3, 4) else Status.TRACKING)
+        assert tracker._track.doubt == 0.0
+
+
+def test_the_spin_of_a_bottle_is_no_doubt_of_how_it_is_turned():
+    bottle = rigid(shape(CYLINDER), shape(TruncatedCone(0.02, 0.02, 0.0, 0.1, 0.15), None))
+    states = box_states(bottle, 8, 4)
+    tracker = Tracker(RIG, bottle, from_dict({}), None, states[0])
+    for k, one in enumerate(image_sets(RIG, bottle, states)):
+        estimate = tracker.step(ImageSet(one.stamp_ns, one.images[: 1 if k == 4 else 2]))
+    assert estimate.status is Status.TRACKING

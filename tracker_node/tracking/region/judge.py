@@ -29,12 +29,13 @@ from ..estimate import Status
 from ..keypoints.evidence import lost_odds
 from ..limbs.judge import LimbJudge, body_status, is_noise
 from ..uncertainty.covariance import ImageEvidence, fit_covariance
+from ..uncertainty.symmetry import symmetry_of
 from .fitting import LineFit, RegionFitting
 
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
 _UNSEEN = -1e6  # log-likelihood ratio of a body that no camera sees: worse than any that is seen
 _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that a body has wherever it is put
-_LEAST_DOUBT_RAD = np.radians(2.0)  # that a thing of which little is found, or which is hardly known, may turn in a set
+_LEAST_DOUBT_RAD = np.radians(2.0)  # of doubt in each set, of a thing of which little is found
 _ASKED = 0.01  # probability of lost, beyond which it is asked whether a limb's colors are common
 _DISTINCT = 1.35  # log-likelihood ratio that a pixel of a limb has on average, of 2 at most; in bars of its color 0.4 to 1.3
 _FOUND_LESS = 0.5  # times what is usual of the cameras: one that finds less of the outline does not agree
@@ -81,19 +82,26 @@ class RegionJudge(Judge):
         common = np.array([p > _ASKED and self._is_common(limb.shapes) for limb, p in self.limbs.by_probability])
         reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common)
         status, reason = body_status(reports)
+        doubt, doubt_rad = self.limbs.doubt(evidence, fit.state, covariance), 0.0
+        if len(reports) == 1 and (doubt or status is not Status.TRACKING):  # a camera without an image is no doubt
+            doubt_rad = max(self._turn_sigma(fit.state, covariance), _LEAST_DOUBT_RAD)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set, fit.correspondences.active)
-        doubt_rad = 0.0
-        if status is Status.TRACKING:
-            reason = self.limbs.doubt(evidence, fit.state, covariance)
-            status = Status.DEGRADED if reason else status
-        if status is not Status.TRACKING and len(reports) == 1:
-            doubt_rad = max(float(np.sqrt(np.linalg.eigvalsh(covariance[3:6, 3:6])[-1])), _LEAST_DOUBT_RAD)
+        if status is Status.TRACKING and doubt:
+            status, reason = Status.DEGRADED, doubt
         return Assessment(
             status, reason, noise=is_noise(evidence) and by_points is None, jumped=fit.jumped, limbs=reports,
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
             log_ratio=_log_ratio(evidence), support=_support(evidence), doubt_rad=doubt_rad,
         )  # fmt: skip
+
+    def _turn_sigma(self, state: State, covariance: np.ndarray) -> float:
+        """How well the turn of the body is known, radians, but for one about an axis of revolution."""
+        told = np.eye(3)
+        for spin in symmetry_of(self._model).spins(Configuration(self._model, state)):
+            axis = spin[3:6] / np.linalg.norm(spin[3:6])
+            told -= np.outer(axis, axis)
+        return float(np.sqrt(max(np.linalg.eigvalsh(told @ covariance[3:6, 3:6] @ told)[-1], 0.0)))
 
     def _is_common(self, shapes: np.ndarray) -> bool:
         """Whether what surrounds the body has the colors of a limb."""

@@ -183,8 +183,8 @@ class RegionModality(Modality):
 
     def distinctness(self, shapes: np.ndarray) -> float:
         """How well the colors of some parts, (n_shapes,) mask, tell them from what surrounds the body; see
-        `observation.region.colors.distinctness`. The mean over parts and cameras that show anything."""
-        densities = [view.densities for view in self.views if view is not None]
+        `observation.region.colors.distinctness`. The mean over parts and cameras that show anything; 0 without any."""
+        densities = [view.densities for view in self.views if view is not None and shapes.any()]
         classes = self.appearance.classes[shapes]
         told = [[distinctness(body[i], scene) for i in np.unique(classes)] for body, scene in densities]
         counts = np.unique(classes, return_counts=True)[1]

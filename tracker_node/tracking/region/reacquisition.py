@@ -174,7 +174,7 @@ class Reacquisition(Solver):
             fit = self.improved(self._fitting.fit(start, self._scales, prior, self._model_sigma_px), start, prior)
         fit = self._with_modes(fit, prior)
         if self._rigid is not None:
-            fit = self._with_rigid_modes(self._rigid, fit, first)
+            fit = self._with_rigid_modes(self._rigid, fit, prior, first)
         self._model_sigma_px = fit.model_sigma_px
         return fit
 
@@ -326,12 +326,12 @@ class Reacquisition(Solver):
         self._judge.rivals[:] = np.isin(np.arange(len(self._judge.limbs)), modes.followed)
         return fit
 
-    def _with_rigid_modes(self, modes: RigidModes, fit: LineFit, first: bool) -> LineFit:
+    def _with_rigid_modes(self, modes: RigidModes, fit: LineFit, prior: Prior | None, first: bool) -> LineFit:
         """The same, or another mode that is clearly better, with the modes beside it."""
         if not first and self._judge.body_lost:
             modes.reset()
             return fit
-        return modes.look(fit, first)
+        return modes.look(fit, prior, first)
 
     def _with_trunk(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit:
         """The same with the trunk, and all that hangs on it, where the colors speak for it."""

@@ -21,6 +21,7 @@ from ...camera.rig import CameraRig
 from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...objective.constraints.prior import Prior
 from ...objective.lines import correspondence as kernel
 from ...objective.lines.correspondences import PartEvidence
 from ..limbs.tree import thing_size
@@ -56,9 +57,10 @@ def tilted(model: ArticulatedModel, rig: CameraRig, state: State) -> list[State]
     middle = _middle(model, state)
     camera = min(rig, key=lambda camera: float(np.linalg.norm(camera.center - middle)))
     sight = camera.T_cam_world[:3, :3] @ (middle - camera.center)
-    across = np.cross(sight, [0.0, 1.0, 0.0])
+    sight /= np.linalg.norm(sight)
+    across = np.cross(sight, [0.0, 1.0, 0.0] if abs(sight[1]) < 0.9 else [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across)
-    other = np.cross(sight / np.linalg.norm(sight), across)
+    other = np.cross(sight, across)
     states = []
     for angle in ANGLES:
         for turn in np.arange(_AXES) * (2.0 * np.pi / _AXES):
@@ -164,7 +166,7 @@ class RigidModes:
         self._followed: list[np.ndarray] = []  # root of a mode in the frame of the fit's, (4, 4)
         self._next, self._misfit = 0, Misfit()
 
-    def look(self, fit: LineFit, everywhere: bool = False) -> LineFit:
+    def look(self, fit: LineFit, prior: Prior | None, everywhere: bool = False) -> LineFit:
         """A fit with the modes beside it.
 
         Where its lines disagree all at once, any better mode is taken, however many cameras see the body.
@@ -172,6 +174,7 @@ class RigidModes:
         Parameters
         ----------
         fit : of the present image set.
+        prior : that it was made with, in information units, or None; a mode that is taken is fitted with it, too.
         everywhere : all starts are tried; else a few, others with every set.
 
         Returns
@@ -188,7 +191,8 @@ class RigidModes:
         found = [self._fitting.fit(start, _SCALES, None, fit.model_sigma_px) for start in starts]
         best, modes = fit, self._modes(fit, found)
         if modes and modes[0].odds > (0.0 if sudden else _TAKEN):
-            best = replace(modes[0].fit, model_sigma_px=fit.model_sigma_px, comparison=fit.comparison)
+            best = self._fitting.fit(modes[0].fit.state, _SCALES, prior, fit.model_sigma_px)
+            best = replace(best, model_sigma_px=fit.model_sigma_px, comparison=fit.comparison)
             modes = self._modes(best, [fit, *found])
         origin = se3.inverse(best.state.T_world_root)
         self._followed = [origin @ mode.fit.state.T_world_root for mode in modes[:_MOST_FOLLOWED]]
