@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...camera.rig import CameraRig
+from ...camera.rig import Camera, CameraRig
 from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
@@ -55,7 +55,7 @@ def tilted(model: ArticulatedModel, rig: CameraRig, state: State) -> list[State]
     One for each angle and axis.
     """
     middle = _middle(model, state)
-    camera = min(rig, key=lambda camera: float(np.linalg.norm(camera.center - middle)))
+    camera = _nearest(rig, middle)
     sight = camera.T_cam_world[:3, :3] @ (middle - camera.center)
     sight /= np.linalg.norm(sight)
     across = np.cross(sight, [0.0, 1.0, 0.0] if abs(sight[1]) < 0.9 else [1.0, 0.0, 0.0])
@@ -85,14 +85,17 @@ def shifted(model: ArticulatedModel, rig: CameraRig, state: State) -> list[State
     -------
     Two for each axis.
     """
-    middle, step = _middle(model, state), _SHIFT * thing_size(model)
-    camera = min(rig, key=lambda camera: float(np.linalg.norm(camera.center - middle)))
-    moves = [sign * step * axis for axis in camera.T_cam_world[:3, :3] for sign in (-1.0, 1.0)]
+    axes, step = _nearest(rig, _middle(model, state)).T_cam_world[:3, :3], _SHIFT * thing_size(model)
+    moves = [sign * step * axis for axis in axes for sign in (-1.0, 1.0)]
     return [state.retract(np.concatenate([move, np.zeros(model.n_dof - 3)])) for move in moves]
 
 
 def _middle(model: ArticulatedModel, state: State) -> np.ndarray:
     return Configuration(model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
+
+
+def _nearest(rig: CameraRig, middle: np.ndarray) -> Camera:
+    return min(rig, key=lambda camera: float(np.linalg.norm(camera.center - middle)))
 
 
 @dataclass(frozen=True)
