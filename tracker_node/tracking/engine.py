@@ -50,7 +50,7 @@ class Fits(Protocol):
         ...
 
     def refit(self, start: State, prior: Prior | None) -> Fit:
-        """A fit of a set that is not the newest any more: searches are for that.
+        """A fit without searches: of a set that is not the newest any more, or where something else knows where the body is.
 
         Parameters
         ----------
@@ -395,7 +395,11 @@ class SequentialEngine(AnyEngine):
         begin = start if lost else found.state
         self._second.observe(self._images, None if self._waiting else begin, self._delays)
         prior = prior if lost else self._prior(found.state, prior)
-        return _counted(self._second.fit(begin, first, prior), found.iterations, found.evaluations)
+        return _counted(self._fit_second(begin, first, prior), found.iterations, found.evaluations)
+
+    def _fit_second(self, start: State, first: bool, prior: Prior | None) -> Fit:
+        """The fit of the second, once it is known whether the first is lost."""
+        return self._second.fit(start, first, prior)
 
     def _prior(self, found: State, prior: Prior | None) -> Prior | None:
         """What the second begins with, besides where the first has found the body."""
@@ -504,6 +508,10 @@ class LedEngine(SequentialEngine):
         H, g = np.zeros_like(fit.equations.H), np.zeros_like(fit.equations.g)
         cost = known.add_to(H, g, known.mean)
         return replace(fit, state=known.mean, equations=replace(fit.equations, H=H, g=g, cost=cost))
+
+    def _fit_second(self, start: State, first: bool, prior: Prior | None) -> Fit:
+        """A fit without searches where the first leads: its images know which of the poses with such contours it is."""
+        return super()._fit_second(start, first, prior) if first or self._lost else self._second.refit(start, prior)
 
     def _prior(self, found: State, prior: Prior | None) -> Prior:
         """The prediction and the images of the first, as one normal distribution about where both have the body."""

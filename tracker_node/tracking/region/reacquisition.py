@@ -17,7 +17,7 @@ from ...objective.constraints.prior import Prior
 from ...objective.lines.correspondences import PartEvidence
 from ...optimize.fitter import Fit
 from ..assessment import Assessment
-from ..config import TrackerConfig
+from ..config import TEXTURE, TrackerConfig
 from ..engine import Solver
 from ..estimate import Status
 from ..keypoints.fitting import KeypointFitting
@@ -129,7 +129,7 @@ class Reacquisition(Solver):
         self._all_scales = numbers(config.region.scales)
         self._search, self._pace = LimbSearch(model, judge, config.limb_search), _Pace(config.limb_search.interval_sets)
         self._scales = self._all_scales
-        has_modes = model.n_dof == N_ROOT_DOF and config.colors is None  # colors and pictures tell modes apart
+        has_modes = model.n_dof == N_ROOT_DOF and config.colors in (None, TEXTURE)  # colors of its own tell modes apart
         self._rigid = RigidModes(rig, model, fitting, self._evidence) if has_modes else None
         if len(judge.limbs) > 1 and self._search.enabled and len(self._all_scales) > 2:
             self._scales = self._all_scales[1:]  # coarse lines find a narrow limb on any stripe of its color
@@ -180,8 +180,11 @@ class Reacquisition(Solver):
 
     def refit(self, start: State, prior: Prior | None) -> LineFit:
         if self._points is not None and self._points.modality.has_points:
-            return self._led_by_points(self._points, start, False, prior)
-        return self._fitting.fit(start, self._scales, prior, self._model_sigma_px)
+            fit = self._led_by_points(self._points, start, False, prior)
+        else:
+            fit = self._fitting.fit(start, self._scales, prior, self._model_sigma_px)
+        self._model_sigma_px = fit.model_sigma_px
+        return fit
 
     def _led_by_points(self, points: KeypointFitting, start: State, first: bool, prior: Prior | None) -> LineFit:
         """Lines from where the points have the body: no limb needs a search; a LOST one is where they are, not where it was."""
