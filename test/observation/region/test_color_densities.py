@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.observation.appearance import BINS
-from tracker_node.observation.region.colors import N_COLORS, UNIFORM, fill_classes, fill_density, mix_classes, mix_counts
+from tracker_node.observation.region.colors import N_COLORS, UNIFORM, fill_classes, fill_density, mix_classes, mix_counts, shade
 
 
 def histogram(seed, n=300):
@@ -72,3 +72,15 @@ def test_which_sources_a_class_has():
         fill_density(parts[i], shades, shares[0], stated, shares[1], wanted)
         np.testing.assert_array_equal(body[i], wanted)
     assert len(np.unique(body, axis=0)) == n
+
+
+def test_shadows_darken_a_part_of_the_surroundings_and_leave_their_hue():
+    lit, out = np.zeros(N_COLORS, np.float32), np.full(N_COLORS, 7.0, np.float32)
+    lit[(12 * BINS + 8) * BINS + 4] = 1.0
+    shade(lit, out)
+    b, g, r = np.unravel_index(np.flatnonzero(out), (BINS,) * 3)
+    assert out.sum() == pytest.approx(1.0)
+    assert 0.6 < out.max() < 0.9
+    assert (b.min(), b.max()) == (5, 12)
+    np.testing.assert_allclose(g + 0.5, 8.5 / 12.5 * (b + 0.5), atol=1.0)
+    np.testing.assert_allclose(r + 0.5, 4.5 / 12.5 * (b + 0.5), atol=1.0)

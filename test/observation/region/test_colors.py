@@ -97,6 +97,18 @@ def test_what_is_learnt_where():
         assert colors.body[0, place(color)] == pytest.approx(LITTLE, rel=1e-4)
 
 
+def test_a_thing_may_cast_shadows_upon_what_surrounds_it():
+    image, labels = np.full((60, 60, 3), (200, 140, 100), np.uint8), np.zeros((60, 60), np.uint8)
+    labels[25:35, 25:35] = 1
+    limb, thing = learner(), learner()
+    limb.learn(image, (0, 0, 60, 60), labels, 1.0, 4, 12)
+    thing.learn(image, (0, 0, 60, 60), labels, 1.0, 4, 12, sure_px=2)
+    shaded = place((100, 70, 50))
+    assert limb.scene[shaded] == pytest.approx(LITTLE)
+    assert thing.scene[shaded] > 0.005
+    assert 0.6 * limb.scene.max() < thing.scene.max() < 0.9 * limb.scene.max()
+
+
 def test_new_colors_are_mixed_in_at_the_rate():
     colors, labels = learner(), np.ones((20, 20), np.uint8)
     for bgr in (GRAY, RED_BGR):

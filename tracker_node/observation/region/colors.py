@@ -23,6 +23,8 @@ _MOST_TOLD, _LEAST_DENSITY = 2.0, 1e-9  # of `distinctness`
 _MIX = 0.02  # a little of every color: none is impossible
 _DOUBTFUL = 0.3  # weight of surroundings that may be the body's
 _LEAST_COUNT = 20  # pixels; fewer do not count
+_SHADED = 0.3  # of the surroundings of a thing that may cast a shadow
+_SHADOWS = (0.4, 0.5, 0.6, 0.7, 0.8)  # how bright they are there
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -125,6 +127,29 @@ def fill_density(learned, shades, of_shades, stated, of_stated, density):
         density[k] = both * density[k] + prior * stated[k] + np.float32(_MIX * UNIFORM)
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def shade(lit, out):
+    """Darken a part of some colors, as shadows do.
+
+    Parameters
+    ----------
+    lit : (`N_COLORS`,) float32 fractions.
+    out : (`N_COLORS`,) float32, overwritten: the same with `_SHADED` of them in shadows.
+    """
+    share = np.float32(_SHADED / len(_SHADOWS))
+    for k in range(np.uint64(lit.size)):
+        out[k] = np.float32(1.0 - _SHADED) * lit[k]
+    for b in range(BINS):
+        for g in range(BINS):
+            for r in range(BINS):
+                seen = lit[(b * BINS + g) * BINS + r]
+                if seen == 0.0:
+                    continue
+                for gain in _SHADOWS:
+                    x, y, z = int(gain * (b + 0.5)), int(gain * (g + 0.5)), int(gain * (r + 0.5))
+                    out[(x * BINS + y) * BINS + z] += share * seen
+
+
 _BIN_WIDTH = 256 // BINS
 _SUPPORT = 0.1  # least fraction of a part's pixels in the stated color that makes the color count
 _AS_STATED = 0.7  # least median of that fraction over the parts that makes all count; by chance, clothes come to 0.5
@@ -214,7 +239,7 @@ class RegionColors:
         self._as_stated: bool | None = None  # whether the body has the stated colors on the whole, where that is known
         self.body = np.full_like(stated, UNIFORM)
         self.scene = np.full(N_COLORS, UNIFORM, dtype=np.float32)
-        self.knows = False
+        self.knows, self._casts_shadow = False, False
 
     def learn(
         self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int,
@@ -231,10 +256,11 @@ class RegionColors:
         guard_px : what is nearer to the outline is not learned as surroundings.
         reach_px : surroundings are what lies so near to the outline.
         reliable : (n_shapes,) bool, parts that are where they are drawn; nothing is learned of others.
-        sure_px : what is nearer than ``guard_px``, but not than this, may be the body's, or its shadow, and counts a little;
-            None: it does not.
+        sure_px : what is nearer than ``guard_px``, but not than this, may be the body's, or its shadow, and counts a little, as do
+            darker shades of all surroundings; None: they do not.
         """
         u0, v0, u1, v1 = region
+        self._casts_shadow = sure_px is not None
         body = (labels > 0).view(np.uint8)
         square = np.ones((2 * guard_px + 1, 2 * guard_px + 1), dtype=np.uint8)
         inner = cv2.erode(body, np.ones((3, 3), dtype=np.uint8), borderValue=1)
@@ -266,7 +292,10 @@ class RegionColors:
         fill_classes(
             self._parts, self._shades, self._stated, trusted, self._was_unreliable, borne_out, self._prior_share, self.body
         )  # fmt: skip
-        fill_density(self._around, self._around, 0.0, self._around, 0.0, self.scene)
+        around = self._around
+        if self._casts_shadow:
+            shade(self._around, around := np.empty_like(around))
+        fill_density(around, around, 0.0, around, 0.0, self.scene)
         self.knows = True
 
 
