@@ -256,8 +256,8 @@ class RegionColors:
         guard_px : what is nearer to the outline is not learned as surroundings.
         reach_px : surroundings are what lies so near to the outline.
         reliable : (n_shapes,) bool, parts that are where they are drawn; nothing is learned of others.
-        sure_px : what is nearer than ``guard_px``, but not than this, may be the body's, or its shadow, and counts a little, as do
-            darker shades of all surroundings; None: they do not.
+        sure_px : what is nearer than ``guard_px``, but not than this, may be the body's, or its shadow, and counts a little, as
+            do darker shades of all surroundings; None: they do not.
         """
         u0, v0, u1, v1 = region
         self._casts_shadow = sure_px is not None
