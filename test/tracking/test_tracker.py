@@ -117,6 +117,17 @@ def test_the_same_images_give_the_same_bits_whatever_the_number_of_threads(clip,
         assert_same_bits(track(clip, clip.sets[:6], config=TrackerConfig(threads=threads)), tracked[:6])
 
 
+def test_who_learns_late_has_the_same_states(clip, tracked):
+    """An estimate does not wait for what is learned from its images; nothing is learned twice, or left out."""
+    tracker = tracker_of(clip)
+    estimates = []
+    for i, image_set in enumerate(clip.sets[:6]):
+        estimates.append(tracker.estimate(image_set))
+        for _ in range(i % 3):
+            tracker.learn()
+    assert_same_bits(estimates, tracked[:6])
+
+
 def test_images_of_any_layout_give_the_same_bits(clip, tracked):
     """Other channel order, rows apart, read-only: what arrives through a message or a crop."""
 

@@ -17,7 +17,8 @@ from ..tracking.estimate import Status, TrackEstimate
 class Steppable(Protocol):
     """What the loop needs of a tracker."""
 
-    def step(self, image_set: ImageSet) -> TrackEstimate: ...
+    def estimate(self, image_set: ImageSet) -> TrackEstimate: ...
+    def learn(self) -> None: ...
     def reset(self) -> None: ...
     def set_state(self, state: State) -> None: ...
     def reinitialize(self, near: np.ndarray | None = None) -> None: ...
@@ -73,7 +74,7 @@ class TrackingLoop:
         self._last_ns: int | None = None
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
-        """Track an image set; where its stamp goes back, the tracker begins anew.
+        """Track an image set; where its stamp goes back, the tracker begins anew. What it teaches is learned by `learn`.
 
         Raises
         ------
@@ -89,9 +90,14 @@ class TrackingLoop:
         self._last_ns = image_set.stamp_ns
         if self._prepare is not None:
             image_set = self._prepare(self.tracker, image_set)
-        self.tracked, self.tracked_set = self.tracker.step(image_set), image_set
+        self.tracked, self.tracked_set = self.tracker.estimate(image_set), image_set
         self.request = None
         return self.tracked
+
+    def learn(self) -> None:
+        """Learn from the latest image set, once its estimate has gone where it is waited for; else the next step does."""
+        if self.tracker is not None:
+            self.tracker.learn()
 
     def begin(self, request: StartRequest) -> None:
         """The next image set is begun as requested, also if a reset or another tracker comes before it."""

@@ -73,6 +73,16 @@ class _Track:
 
 
 @dataclass(frozen=True, eq=False)
+class _Lesson:
+    """What a fit of an image set has to teach: what body, background and cameras are like."""
+
+    stamp_ns: int
+    images: Images
+    fit: Fit
+    assessment: Assessment
+
+
+@dataclass(frozen=True, eq=False)
 class _Step:
     """What was made of an image set; ``information`` of its images alone; ``observed``, ``fitted``: when that was done."""
 
@@ -134,6 +144,7 @@ class Tracker:
         self._late = LatePoints(rig, model, keypoints) if KEYPOINTS in config.modalities else None
         self._left_out: list[str] = []  # cameras whose images are not trusted
         self._near: np.ndarray | None = None  # where, of several people, the body is wanted
+        self._lesson: _Lesson | None = None  # of the latest image set, not learned yet
         self._restart(initial_state)
 
     @property
@@ -148,6 +159,7 @@ class Tracker:
 
     def reset(self) -> None:
         """Back to the initial state, with nothing learned."""
+        self._lesson = None
         self._track.engine.reset()
         self._check.reset()
         self._frozen.reset()
@@ -180,6 +192,7 @@ class Tracker:
         self._restart(None)
 
     def _restart(self, state: State | None) -> None:
+        self.learn()
         self._track = _Track(self._track.engine, MotionModel(self.model.chain, self.config.motion), state)
         self._check.skip()  # how it got there is no velocity
         if self._late is not None:
@@ -272,8 +285,25 @@ class Tracker:
         return crops_of(self.model, self.rig, self._expected(prediction))
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
-        """Estimate the state for one image set."""
+        """Estimate the state for one image set, and learn from it."""
+        estimate = self.estimate(image_set)
+        self.learn()
+        return estimate
+
+    def learn(self) -> None:
+        """Learn what body and background look like, and compare the cameras, by the latest image set, if that has not been done."""
+        lesson, self._lesson = self._lesson, None
+        if lesson is not None:
+            self._take_in(lesson)
+            self._compare_cameras(lesson)
+
+    def estimate(self, image_set: ImageSet) -> TrackEstimate:
+        """Estimate the state for one image set; what it has to teach is left for `learn`, or for the next set.
+
+        Who waits for the state has it earlier; states are the same. Cameras at fault are named by the sets before.
+        """
         began = time.perf_counter()
+        self.learn()
         image_set, images = self._in_first_light(self._trusted(image_set))
         people: PeopleSeen = ()
         if self._late is not None:
@@ -286,7 +316,6 @@ class Tracker:
                 return replace(found, timings=replace(found.timings, total_ms=1e3 * (time.perf_counter() - began)))
         track, engine, step = self._track, self._track.engine, self._stepped(image_set, images, people)
         fit, prior, assessment, information = step.fit, step.prior, step.assessment, step.information
-        self._compare_cameras(image_set.stamp_ns, fit, assessment)
         finished = time.perf_counter()
         report = engine.report(fit, image_set)
         evidence = report.images if information is not None else None
@@ -325,7 +354,7 @@ class Tracker:
         )
 
     def _stepped(self, image_set: ImageSet, images: Images, people: PeopleSeen) -> _Step:
-        """Predict, observe, fit, assess and learn."""
+        """Predict, observe, fit and assess."""
         track, engine, before = self._track, self._track.engine, copy(self._track.motion)
         first = track.motion.predict(image_set.stamp_ns) is None
         prediction = self._predicted(image_set)
@@ -342,12 +371,12 @@ class Tracker:
             assessment, information = Assessment(Status.INITIALIZING, problem), None
         else:
             assessment = self._with_turns(engine.assess(fit, image_set), prediction)
-            images = self._without_blinded(image_set.stamp_ns, images, assessment)
             track.log_ratio = assessment.log_ratio
             if assessment.noise:  # stay where the body was last, whatever the optimizer has made of noise
                 fit = at_state(fit, predicted)
             information = self._information(fit, prior, assessment)
-            self._accept(image_set.stamp_ns, fit.state, information, images, assessment, first)
+            self._accept(image_set.stamp_ns, fit.state, information, assessment, first)
+            self._lesson = _Lesson(image_set.stamp_ns, images, fit, assessment)
         if self._late is not None:
             self._late.add(PastSet(image_set, people, before))
         return _Step(fit, prior, assessment, information, observed, fitted)
@@ -414,6 +443,9 @@ class Tracker:
             self._track.motion, begun = copy(oldest.motion), True
         if begun:
             step = self._stepped(oldest.image_set, self._images(oldest.image_set), oldest.people)
+            lesson, self._lesson = self._lesson, None
+            if lesson is not None:
+                self._take_in(lesson)
             if step.assessment.status is not Status.LOST:
                 every = -(-len(past) // (_MOST_AGAIN + 1))
                 for i, each in enumerate(past[1:], 1):
@@ -449,15 +481,22 @@ class Tracker:
         contradicted = tuple(fault for fault in self._check.faults if fault.camera not in blinded)
         return self._frozen.faults + self._blinded.faults + contradicted
 
-    def _compare_cameras(self, stamp_ns: int, fit: Fit, assessment: Assessment) -> None:
+    def _take_in(self, lesson: _Lesson) -> None:
+        """Learn from the images of cameras that show the body."""
+        images = self._without_blinded(lesson.stamp_ns, lesson.images, lesson.assessment)
+        if lesson.assessment.status is not Status.LOST:
+            self._track.engine.learn(images, lesson.fit.state)
+
+    def _compare_cameras(self, lesson: _Lesson) -> None:
         """Look for cameras that disagree with the others, by this set and those before."""
         if not self.config.self_check.enabled:
             return
+        fit, assessment = lesson.fit, lesson.assessment
         usable = assessment.status in (Status.TRACKING, Status.DEGRADED) and not assessment.jumped and not self._blinded.blind
         if fit.comparison is None or not usable:
             self._check.skip()
         else:
-            self._check.add(stamp_ns, fit.comparison)
+            self._check.add(lesson.stamp_ns, fit.comparison)
 
     def _without_blinded(self, stamp_ns: int, images: Images, assessment: Assessment) -> Images:
         """The images that may be learned from: without those of cameras that show the body no longer."""
@@ -556,7 +595,7 @@ class Tracker:
         return fit_covariance(H, evidence, Configuration(self.model, state))
 
     def _accept(
-        self, stamp_ns: int, state: State, information: np.ndarray | None, images: Images, assessment: Assessment, first: bool
+        self, stamp_ns: int, state: State, information: np.ndarray | None, assessment: Assessment, first: bool
     ) -> None:
         track, lost = self._track, assessment.status is Status.LOST
         track.start = state
@@ -569,7 +608,6 @@ class Tracker:
                 track.motion.restart(stamp_ns, state)
             else:
                 track.motion.update(stamp_ns, state, information)
-            track.engine.learn(images, state)
         elif not (first and _nothing_seen(assessment)):  # else nothing has been learned: it begins again at the next image set
             track.motion.coast(stamp_ns, state)  # nothing is learned from what is taken for the body, nor how fast it is
 

@@ -13,15 +13,21 @@ class HeldTracker:
     def __init__(self):
         self.go, self.stepping, self.failing = threading.Event(), threading.Event(), set()
         self.status, self.total_ms = Status.DEGRADED, 4.0
+        self.learned, self.breaks_learning = 0, False
         self.told = []  # states, "reset" and "look anew"
 
-    def step(self, image_set):
+    def estimate(self, image_set):
         self.stepping.set()
         assert self.go.wait(30.0)
         if image_set.stamp_ns in self.failing:
             raise RuntimeError("no good")
         timings = Timings(0.0, 0.0, self.total_ms)
         return replace(some_estimate(tracked_arm(), image_set.stamp_ns), status=self.status, timings=timings)
+
+    def learn(self):
+        self.learned += 1
+        if self.breaks_learning:
+            raise RuntimeError("cannot learn")
 
     def reset(self):
         self.told.append("reset")
@@ -44,6 +50,6 @@ class Listening(HeldTracker):
         self.go.set()
         self.sets = []
 
-    def step(self, image_set):
+    def estimate(self, image_set):
         self.sets.append(image_set)
-        return super().step(image_set)
+        return super().estimate(image_set)

@@ -154,7 +154,7 @@ def test_failures_that_a_user_can_mend_are_one_line(bench):
     def step(image_set):
         raise TrackerError("mend me")
 
-    bench.tracker.step = step
+    bench.tracker.estimate = step
     bench.step(10)
     assert bench.errors == ["image set 10: mend me"] and bench.estimates[0][0].status_reason == "TrackerError: mend me"
 
@@ -167,6 +167,22 @@ def test_what_cannot_be_published_is_counted_and_the_next_is_tracked(bench):
     bench.step(10, 20)
     assert bench.errors == [f"image set {stamp}: not published: no room" for stamp in (10, 20)]
     assert (bench.counts.failed, bench.counts.lost, bench.counts.tracked) == (2, 0, 2)
+
+
+def test_a_set_is_learned_from_once_its_estimate_is_out(bench):
+    learned = []
+    bench.worker._on_estimate = lambda estimate, image_set: learned.append(bench.tracker.learned)
+    bench.step(10, 20, 30)
+    assert learned == [0, 1, 2] and bench.tracker.learned == 3
+
+
+def test_what_cannot_be_learned_is_counted_and_the_next_is_tracked(bench):
+    bench.tracker.breaks_learning = True
+    bench.step(10, 20)
+    assert [error.split("\n")[0] for error in bench.errors] == [
+        f"image set {stamp}: not learned from: RuntimeError('cannot learn')" for stamp in (10, 20)
+    ]
+    assert bench.stamps == [10, 20] and (bench.counts.failed, bench.counts.tracked) == (2, 2)
 
 
 def test_only_stamps_that_go_back_reset_the_tracker(bench):

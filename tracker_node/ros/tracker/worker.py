@@ -290,6 +290,11 @@ class TrackingWorker:
         except Exception as error:  # what cannot be reported of one image set does not end the tracking of the next
             self.counts.failed += 1
             self._on_error(f"image set {image_set.stamp_ns}: not published: {_described(error)}")
+        try:
+            loop.learn()
+        except Exception as error:  # it is tracked on with what was learned before
+            self.counts.failed += 1
+            self._on_error(f"image set {image_set.stamp_ns}: not learned from: {_described(error)}")
 
     def _failed(self, image_set: ImageSet, error: Exception, total_ms: float) -> TrackEstimate:
         self.counts.failed += 1
