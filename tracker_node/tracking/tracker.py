@@ -291,7 +291,7 @@ class Tracker:
         return estimate
 
     def learn(self) -> None:
-        """Learn what body and background look like, and compare the cameras, by the latest image set, if that has not been done."""
+        """Learn from the latest image set what body and background look like, and compare the cameras; once."""
         lesson, self._lesson = self._lesson, None
         if lesson is not None:
             self._take_in(lesson)
