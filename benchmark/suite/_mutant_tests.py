@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 PACKAGE = "tracker_node"
-_COMPILED = ("njit", "pixel_function", "pixel_loop")
+_COMPILED = ("compiled", "pixel_function", "pixel_loop")
 
 
 class Imports:

@@ -14,15 +14,16 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
+
+from ..compiled.kernels import compiled
 
 MODEL_IDS = {"none": 0, "plumb_bob": 1, "rational_polynomial": 1, "equidistant": 2}
 COEFFICIENT_COUNTS = {"none": (0,), "plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
 N_PACKED = 8  # coefficients, padded with zeros
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def distort(model_id, k, x, y):
     """Distorted coordinates of a point, and their derivative.
 
@@ -76,7 +77,7 @@ def distort(model_id, k, x, y):
     )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def undistort(model_id, k, xd, yd):
     """Newton inverse of `distort`.
 
@@ -124,7 +125,7 @@ def monotonic_radius(model_id: int, k: np.ndarray) -> float:
     return float(_first_fold(model_id, k, np.linspace(0.0, 8.0, 4001)[1:]))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _first_fold(model_id, k, radii):
     for i in range(radii.size):
         _, _, slope, _, _, _ = distort(model_id, k, radii[i], 0.0)

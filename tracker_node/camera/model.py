@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import numba as nb
 import numpy as np
 
+from ..compiled.kernels import compiled
 from . import distortion as _distortion
 
 NEAR = 1e-3  # meters: a point nearer than this, or behind the camera, is not visible
@@ -18,7 +18,7 @@ NEAR = 1e-3  # meters: a point nearer than this, or behind the camera, is not vi
 N_PARAMS = 8 + _distortion.N_PACKED
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def project_point(params, x, y, z):
     """Pixel of a point, and its derivative.
 
@@ -50,7 +50,7 @@ def project_point(params, x, y, z):
     )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _project_many(params, points, pixels, jacobians, valid):
     for i in range(points.shape[0]):
         ok, u, v, a, b, c, d, e, f = project_point(params, points[i, 0], points[i, 1], points[i, 2])
@@ -60,7 +60,7 @@ def _project_many(params, points, pixels, jacobians, valid):
         jacobians[i, 1, 0], jacobians[i, 1, 1], jacobians[i, 1, 2] = d, e, f
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _rays_many(params, pixels, rays, valid):
     for i in range(pixels.shape[0]):
         yd = (pixels[i, 1] - params[3]) / params[1]

@@ -16,11 +16,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import cv2
-import numba as nb
 import numpy as np
 
 from ..camera.model import CameraModel
 from ..camera.rig import Camera
+from ..compiled.kernels import compiled
 from .recording import CameraRecording
 
 LAG_S = 0.05  # images that are compared are so far apart, or one image
@@ -255,7 +255,7 @@ def _profile(camera: Camera, baseline: np.ndarray, motion: ImageMotion, time_ste
     return roots - roots.mean(axis=1, keepdims=True)
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled
 def _shared_out(time_steps, places, amounts, position, seen, n_time_steps):
     """Amounts by time step and plane; each place's is shared out among the two nearest planes, so that the agreement is a
     continuous function of where cameras stand."""

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 import numpy.typing as npt
+
+from ..compiled.kernels import compiled
 
 _SMALL = 1e-4
 
@@ -45,7 +46,7 @@ def left_jacobian_inverse(rotation_vector: np.ndarray) -> np.ndarray:
     return _left_jacobian_inverse(np.ascontiguousarray(rotation_vector, dtype=np.float64))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _series(w, a, b):
     """I + a [w]x + b [w]x [w]x."""
     x, y, z = w[0], w[1], w[2]
@@ -57,7 +58,7 @@ def _series(w, a, b):
     return m
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _exp(w):
     angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = math.sqrt(angle_sq)
@@ -66,7 +67,7 @@ def _exp(w):
     return _series(w, math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle_sq)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _log(r):
     v = np.empty(3)  # sin(angle) * axis
     v[0], v[1], v[2] = 0.5 * (r[2, 1] - r[1, 2]), 0.5 * (r[0, 2] - r[2, 0]), 0.5 * (r[1, 0] - r[0, 1])
@@ -90,7 +91,7 @@ def _log(r):
     return angle * axis
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _left_jacobian(w):
     angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = math.sqrt(angle_sq)
@@ -99,7 +100,7 @@ def _left_jacobian(w):
     return _series(w, (1.0 - math.cos(angle)) / angle_sq, (angle - math.sin(angle)) / (angle_sq * angle))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _left_jacobian_inverse(w):
     angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = math.sqrt(angle_sq)

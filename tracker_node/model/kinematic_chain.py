@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numba as nb
 import numpy as np
 
+from ..compiled.kernels import compiled
 from ..errors import ModelError, UnknownNameError
 
 ROOT_DOF_NAMES = ("root_x", "root_y", "root_z", "root_rx", "root_ry", "root_rz")
@@ -80,7 +80,7 @@ class Joint:
     axes: tuple[Axis, ...] = ()
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def forward_kinematics(parents, offsets, axis_start, axis_count, directions, T_world_root, positions, Ts_world_link, twists):
     """World transforms of all links and the spatial twist of every degree of freedom.
 

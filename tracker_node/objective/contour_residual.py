@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from ..compiled.kernels import compiled
 from ..render.contour.generators import HIDDEN, N_COLUMNS, OUTER, SAMPLES, SLIDE, M, P, draw_contour
 from ..render.contour.samples import JACOBIAN, N_PIXEL_COLUMNS, NU, NV, U, V, project_samples
 from ..render.contour.visibility import N_VIEW_COLUMNS, classify_samples, nearby_shapes, view_shapes
@@ -32,7 +32,7 @@ N_SAMPLE_COLUMNS = 11  # of an outline sample: u, v, nu, nv, link, twist row (6)
 _BLOCK = 64  # outline samples that are compared together
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def bilinear(image, u, v):
     """A float32 map between its pixels.
 
@@ -57,7 +57,7 @@ def bilinear(image, u, v):
     return value == value, value, (1 - b) * (f01 - f00) + b * (f11 - f10), bottom - top
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _read_maps(silhouette, edges, u, v, nu, nv, outer, options):
     """Residual of a sample: (usable, r, r_u, r_v, weight).
 
@@ -96,7 +96,7 @@ def _read_maps(silhouette, edges, u, v, nu, nv, outer, options):
     return True, value, gu, gv, weight
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def read_samples(silhouette, edges, samples, outer, options):
     """Residuals of samples, as in `linearize_camera`.
 
@@ -120,7 +120,7 @@ def read_samples(silhouette, edges, samples, outer, options):
     return found
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _twist_row(row, R, center, jacobian, gu, gv, sliding, g):
     """Fill ``g`` (6,) with the derivative by the twist of gu * u + gv * v of a contour sample."""
     hx = gu * jacobian[0] + gv * jacobian[3]
@@ -144,7 +144,7 @@ def _twist_row(row, R, center, jacobian, gu, gv, sliding, g):
         g[5] += center[0] * m1 - center[1] * m0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add(g, r, weight, scale_sq, normal, gradient, stats):
     """Add one residual with the Geman-McClure kernel: cost s^2 r^2 / (s^2 + r^2), weight (s^2 / (s^2 + r^2))^2."""
     ratio = scale_sq / (scale_sq + r * r)
@@ -158,7 +158,7 @@ def _add(g, r, weight, scale_sq, normal, gradient, stats):
     return w
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def columns_of(samples, n_samples):
     """Places and normals of samples as float32 columns, filled up to whole blocks with samples that are never nearest.
 
@@ -178,7 +178,7 @@ def columns_of(samples, n_samples):
     return columns
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def nearest_sample(us, vs, nus, nvs, point, alignment, reach_sq, squares):
     """The first sample nearest to a point whose normal is aligned with the point's own.
 
@@ -218,7 +218,7 @@ def nearest_sample(us, vs, nus, nvs, point, alignment, reach_sq, squares):
     return -1
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient, stats):
     """Residuals of the other direction: each boundary point of the silhouette attracts the nearest outline sample.
 
@@ -240,7 +240,7 @@ def _attract_to_boundary(boundary, samples, n_samples, options, normal, gradient
         _add(row[5:11], r, options[BOUNDARY_WEIGHT], scale_sq, normal[link], gradient[link], stats)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refresh, work):
     """Add one camera's contour residuals to per-link normal matrices.
 
@@ -311,7 +311,7 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
                 normal[link, a, b] = normal[link, b, a]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def assemble(link_normal, link_gradient, moved_by, twists, H, g):
     """Sum J^T N J and J^T g over links, J the twists of the degrees of freedom that move the link.
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
 from ..camera.rig import CameraRig
+from ..compiled.kernels import compiled
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
@@ -194,7 +194,7 @@ def linearize_lines(
     return LineEquations(residuals, by_state, by_shape, by_camera, valid)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def normal_equations(J, residuals, weights, H, g):
     """Add J^T W J and J^T W r. One thread: such a product gains nothing by two.
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 
 import cv2
-import numba as nb
 import numpy as np
 
+from ..compiled.kernels import compiled
 from .appearance_kernels import log_odds, update_scene
 
 Region = tuple[int, int, int, int]  # u0, v0, u1, v1; the last two exclusive
@@ -28,12 +28,12 @@ _LOG_UNIFORM = -3.0 * math.log(256.0)  # density of a color about which nothing 
 _LOG_SHADOW = math.log(0.2 / 75.0) - math.log(2.0 * math.pi)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _bin(b, g, r):
     return (np.int64(b >> _SHIFT) * BINS + np.int64(g >> _SHIFT)) * BINS + np.int64(r >> _SHIFT)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def count_colors(bgr, labels, around, body_counts, scene_counts):
     """Add up the pixels of each color, of the body's parts and of what surrounds it.
 
@@ -54,7 +54,7 @@ def count_colors(bgr, labels, around, body_counts, scene_counts):
                 scene_counts[index] += np.float32(1.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def spread_counts(density, out):
     """Add a histogram to another, shared with neighboring bins: colors drift with light, and counts are sparse.
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
+
+from ..compiled.kernels import compiled
 
 _LOG_GAUSS = np.float32(-1.5 * math.log(2.0 * math.pi))
 _LOG_2 = np.float32(math.log(2.0))
@@ -18,7 +19,7 @@ _G, _R = np.uint64(1), np.uint64(2)  # places of green and red after blue
 _SEEN = np.uint8(1)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(inline="always")
 def log_positive(x):
     """Natural logarithm of a positive, normal float32, to 3e-6: exponent, and the artanh series of the mantissa."""
     bits = np.float32(x).view(np.int32)
@@ -30,7 +31,7 @@ def log_positive(x):
     return exponent * _LOG_2 + np.float32(2.0) * t * series
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _scene_row(bgr, mean, variance, darkest, log_shadow, out):
     """Log density of a row of colors if it shows the background, lit or in shadow."""
     for j in range(np.uint64(out.size)):
@@ -48,7 +49,7 @@ def _scene_row(bgr, mean, variance, darkest, log_shadow, out):
         out[j] = lit if lit > shaded else shaded
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _odds_row(bgr, known, has_scene, shift, log_pairs, log_outlier, reach, out):
     """From the background's log densities in ``out`` to the log-odds of body against surroundings."""
     down, width = np.uint32(shift), np.uint32(8 - shift)
@@ -65,7 +66,7 @@ def _odds_row(bgr, known, has_scene, shift, log_pairs, log_outlier, reach, out):
         out[j] = value if value > -reach else -reach
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def log_odds(bgr, corner, mean, variance, known, has_scene, shift, log_pairs, options, out):
     """Log-odds of body against surroundings in a part of an image.
 
@@ -94,7 +95,7 @@ def log_odds(bgr, corner, mean, variance, known, has_scene, shift, log_pairs, op
             _odds_row(row, known[0, : u1 - u0], False, shift, log_pairs, options[1], options[2], out[i])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _update_row(bgr, body, mean, variance, known, rate, floor):
     for j in range(np.uint64(body.size)):
         at = np.uint64(3) * j
@@ -115,7 +116,7 @@ def _update_row(bgr, body, mean, variance, known, rate, floor):
         known[j] = _SEEN if free | seen else known[j]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def update_scene(bgr, corner, body, mean, variance, known, rate, floor):
     """Update the running mean and variance of the background in a part of an image.
 

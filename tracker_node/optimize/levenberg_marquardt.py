@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
+from ..compiled.kernels import compiled
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.normal_equations import LeastSquaresObjective, NormalEquations
@@ -135,7 +135,7 @@ def minimize(
 _FREE, _LOWER, _UPPER = 0, 1, 2
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _solve_free(H, g, sides, lower, upper, x, factor):
     """Fill ``x`` with the minimum over the free variables, the others at their limits. Cholesky on the free block, in place of
     ``factor``. False where the block is not positive definite."""
@@ -178,7 +178,7 @@ def _solve_free(H, g, sides, lower, upper, x, factor):
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _wanted_side(i, H, g, sides, lower, upper, x, slack):
     """Where variable ``i`` belongs after a solution: beyond a limit it goes there, at one whose multiplier pulls inside it is
     set free."""
@@ -199,7 +199,7 @@ def _wanted_side(i, H, g, sides, lower, upper, x, slack):
     return sides[i]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def minimize_quadratic(H, g, lower, upper, x, patience=10):
     """Minimum of 2 g.x + x.H x over lower <= x <= upper.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import numba as nb
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig
+from ..compiled.kernels import compiled
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from .contour.samples import DEPTH, NU, NV, U, V
@@ -89,7 +89,7 @@ def _grown(mask: np.ndarray, by_px: int) -> np.ndarray:
     return cv2.dilate(mask.view(np.uint8), np.ones((2 * by_px + 1,) * 2, dtype=np.uint8)) > 0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _is_covered(depth, u, v, nu, nv, body_depth, reach_px):
     """Whether something stands before a contour sample at (u, v), or ``reach_px`` to either side of it along its normal."""
     for side in range(-1, 2):
@@ -99,7 +99,7 @@ def _is_covered(depth, u, v, nu, nv, body_depth, reach_px):
     return False
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def drop_covered(depth, rows, pixels, info, n, reach_px):
     """Take out the contour samples that something stands before.
 

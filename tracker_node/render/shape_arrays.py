@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Generic, TypeVar
 
-import numba as nb
 import numpy as np
 
 from ..camera.distortion import distort, undistort
 from ..camera.model import CameraModel
+from ..compiled.kernels import compiled
 from ..model.articulated import ArticulatedModel
 from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from . import solids
@@ -59,7 +59,7 @@ class RayTable:
     limits: np.ndarray
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _follow(model_id, k, xd, yd, x, y):
     """Newton inverse of the distortion from a start (x, y) that is close: (x, y, converged to 1e-5 px or so)."""
     for _ in range(4):
@@ -73,7 +73,7 @@ def _follow(model_id, k, xd, yd, x, y):
     return x, y, False
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _fill(params, width, xs, ys):
     """Rays of all pixels; each starts from its neighbor's, which is several times faster than starting anew."""
     fx, fy, cx, cy, skew = params[0], params[1], params[2], params[3], params[4]

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
+from ..compiled.kernels import compiled
 from ..model.shapes.primitives import Box, Mesh
 
 # Columns of an edge: its ends, the planes n.x = d of the faces on both sides, how it may be seen
@@ -234,7 +234,7 @@ NO_HIT = 1e30
 _STACK = 64
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def to_shape(T, center, dx, dy, dz):
     """A ray of the world in the frame of a shape.
 
@@ -259,7 +259,7 @@ def to_shape(T, center, dx, dy, dz):
     )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def slab_interval(node, ray, t_min, t_max):
     """The part of a ray that is in a box.
 
@@ -289,7 +289,7 @@ def slab_interval(node, ray, t_min, t_max):
     return t_min, t_max
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def triangle_hit(triangle, ray):
     """Where a ray meets a triangle, from either side (Moeller & Trumbore 1997).
 
@@ -319,7 +319,7 @@ def triangle_hit(triangle, ray):
     return (fx * qx + fy * qy + fz * qz) / determinant
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mesh_hit(nodes, triangles, root, ray, t_max, any_hit):
     """Where a ray first meets a mesh.
 
@@ -357,7 +357,7 @@ def mesh_hit(nodes, triangles, root, ray, t_max, any_hit):
     return best
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def solid_hit(surfaces, shape, T, center, dx, dy, dz, t_max, any_hit):
     """Where a ray of the world first is in a box or meets a mesh.
 

@@ -522,7 +522,7 @@ class Tracker:
     def _in_first_light(self, image_set: ImageSet) -> tuple[ImageSet, list[np.ndarray | None]]:
         """The set as it would be in the light of the first one, and its images: who looks at it again sees the same colors."""
         shown = self._images(image_set)
-        images = self._exposures.normalized(shown)
+        images = [None if pixels is None else _fixed(pixels) for pixels in self._exposures.normalized(shown)]
         pairs = zip(self.rig.names, shown, images, strict=True)
         lit = {name: pixels for name, before, pixels in pairs if pixels is not None and pixels is not before}
         if lit:
@@ -541,7 +541,7 @@ class Tracker:
             if image is not None and image.encoding == "mono8" and self.config.colors is not None:
                 expected = f"expected color images for the modality {self.config.colors}"
                 raise CalibrationError(camera.name, f"{expected}, got mono8")
-            result.append(None if image is None else image.bgr)
+            result.append(None if image is None else _fixed(image.bgr))
         return result
 
     def _expected(self, prediction: Prediction | None) -> State:
@@ -610,6 +610,15 @@ class Tracker:
                 track.motion.update(stamp_ns, state, information)
         elif not (first and _nothing_seen(assessment)):  # else nothing has been learned: it begins again at the next image set
             track.motion.coast(stamp_ns, state)  # nothing is learned from what is taken for the body, nor how fast it is
+
+
+def _fixed(pixels: np.ndarray) -> np.ndarray:
+    """An image as compiled code takes it: in one piece, not to be written into; code for any other kind is compiled apart."""
+    pixels = np.ascontiguousarray(pixels)
+    if pixels.flags.writeable:
+        pixels = pixels.view()
+        pixels.flags.writeable = False
+    return pixels
 
 
 def _nothing_seen(assessment: Assessment) -> bool:

@@ -27,8 +27,6 @@ def warm_up(
     config: TrackerConfig,
     state: State | None = None,
     occluders: ArticulatedModel | None = None,
-    *,
-    writeable: bool = False,
 ) -> None:
     """Track a drawn body in small images with a tracker of this kind, and forget it.
 
@@ -40,7 +38,6 @@ def warm_up(
     rig, model, config : cameras, body and parameters of the tracker.
     state : where the body is; None: it is searched, too.
     occluders : what may stand before the body.
-    writeable : whether the images will be; views of messages are not, and code for them is compiled apart.
 
     Raises
     ------
@@ -49,10 +46,10 @@ def warm_up(
     small = _small_rig(rig)
     configuration = Configuration(model, state or _in_the_middle(rig, model))
     brief = _brief(config)
-    _track(Tracker(small, model, brief, _backgrounds(small), configuration.state, occluders), configuration, writeable)
+    _track(Tracker(small, model, brief, _backgrounds(small), configuration.state, occluders), configuration)
     if state is None and config.initialization.enabled:
         searching = replace(brief, initialization=_brief_search(config.initialization))
-        _track(Tracker(small, model, searching, _backgrounds(small), None, occluders), configuration, writeable)
+        _track(Tracker(small, model, searching, _backgrounds(small), None, occluders), configuration)
 
 
 class SmallTrackers:
@@ -84,12 +81,10 @@ class SmallTrackers:
         Tracker(self._rig.subset(tuple(cameras)), self._model, without_search, backgrounds)
 
 
-def _track(tracker: Tracker, configuration: Configuration, writeable: bool) -> None:
+def _track(tracker: Tracker, configuration: Configuration) -> None:
     for i in range(_SETS):
         stamp_ns = round(i * 1e9 * tracker.config.synchronizer.image_period_s)
         drawn = {camera.name: _drawn(configuration, camera) for camera in tracker.rig}
-        for pixels in drawn.values():
-            pixels.flags.writeable = writeable
         tracker.step(ImageSet(stamp_ns, tuple(CameraImage(name, stamp_ns, pixels) for name, pixels in drawn.items())))
 
 

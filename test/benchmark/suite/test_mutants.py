@@ -75,7 +75,7 @@ def test_tests_are_tried_by_name_and_nearness(tmp_path: Path) -> None:
     for name, text in {
         "tracker_node/__init__.py": "",
         "tracker_node/a/__init__.py": "",
-        "tracker_node/a/kernel.py": "@nb.njit\ndef deep(x):\n    return x\n\n@nb.njit\ndef outer(x):\n    return deep(x)\n",
+        "tracker_node/a/kernel.py": "@compiled\ndef deep(x):\n    return x\n\n@compiled\ndef outer(x):\n    return deep(x)\n",
         "tracker_node/a/user.py": "from .kernel import outer\n\nclass User:\n    def call(self):\n        return outer(1)\n",
         "tracker_node/b.py": "from .a.user import User\n\ndef far():\n    return User().call()\n",
         "test/b/test_far.py": "from tracker_node.b import far\n",

@@ -7,7 +7,7 @@ import pytest
 from helpers.ros.held_tracker import HeldTracker
 from helpers.ros.samples import small_rig, some_state, tracked_arm
 from tracker_node.ros.tracker.options import TrackerMaker, TrackerOptions
-from tracker_node.tracking.config import TrackerConfig
+from tracker_node.tracking.config import TrackerConfig, from_dict
 
 MODEL = tracked_arm()
 
@@ -42,19 +42,20 @@ def test_another_maker_is_given_everything_in_its_order(rig):
     given, tracker, state, config = [], HeldTracker(), some_state(MODEL), TrackerConfig()
     options = TrackerOptions(rig, MODEL, initial_state=state, make_tracker=lambda *args: given.append(args) or tracker)
     maker = TrackerMaker(options)
-    maker.prepare(rig.names, config, writeable=True)  # nothing of ours is run
+    maker.prepare(rig.names, config)  # nothing of ours is run
     maker.check(("nobody",), config)
     assert given == [] and maker.tracker(rig, config) is tracker
     assert given == [(rig, MODEL, config, state)]
 
 
-def test_code_is_made_ready_once_for_each_configuration_and_kind_of_image(rig, monkeypatch):
+def test_code_is_made_ready_once_for_each_configuration(rig, monkeypatch):
     warmed, config = [], TrackerConfig()
-    monkeypatch.setattr("tracker_node.ros.tracker.options.warm_up", lambda *args, **options: warmed.append((args, options)))
+    other = from_dict({"threads": 1})
+    monkeypatch.setattr("tracker_node.ros.tracker.options.warm_up", lambda *args: warmed.append(args))
     state = some_state(MODEL)
     maker = TrackerMaker(TrackerOptions(rig, MODEL, initial_state=state))
-    for writeable in (True, True, False, False):
-        maker.prepare(("cam2",), config, writeable)
-    assert [options["writeable"] for _, options in warmed] == [True, False]
-    cameras, model, used, start, occluders = warmed[0][0]
+    for wanted in (config, config, other, other):
+        maker.prepare(("cam2",), wanted)
+    assert [args[2] for args in warmed] == [config, other]
+    cameras, model, used, start, occluders = warmed[0]
     assert cameras.names == ("cam2",) and (model, used, start, occluders) == (MODEL, config, state, None)

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-import numba as nb
 import numpy as np
+
+from ...compiled.kernels import compiled
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ Primitive = TruncatedCone | Ellipsoid | Box | Mesh
 START, START_RADIUS, END, END_RADIUS, N_CAPSULE = 0, 3, 4, 7, 8
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def nearest_on(cone, x, y, z):
     """Place on a round cone whose sphere's surface is nearest to a point.
 
@@ -191,7 +192,7 @@ def nearest_on(cone, x, y, z):
     return min(max(foot + grows * height / math.sqrt(length_sq * (length_sq - grows * grows)), 0.0), 1.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def point_gap(cone, x, y, z):
     """Distance of a point from the surface of a round cone.
 
@@ -211,7 +212,7 @@ def point_gap(cone, x, y, z):
     return math.sqrt(square) - cone[START_RADIUS] - t * (cone[END_RADIUS] - cone[START_RADIUS])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def point_gaps(cones, points, out):
     """Fill ``out`` with the distance of each point from the nearest of some round cones.
 
@@ -226,7 +227,7 @@ def point_gaps(cones, points, out):
             out[j] = min(out[j], point_gap(cones[i], points[j, 0], points[j, 1], points[j, 2]))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def count_held(cones, points, out):
     """Fill ``out`` with the number of points within each round cone.
 

@@ -9,10 +9,10 @@ that changes nothing; where it is behind, what it would have gained there is los
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR
+from ...compiled.kernels import compiled
 from ...model.kinematic_chain import forward_kinematics
 from ...render.raycast.coefficients import (
     INVISIBLE,
@@ -42,7 +42,7 @@ REST = np.int32(LABEL_BITS)  # label of all parts that stay
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cone_box(dims, T, box):
     """Normalized coordinates (x0, y0, x1, y1) around the spheres about a cone's ends; False when these are not in front."""
     box[0], box[1], box[2], box[3] = 1e30, 1e30, -1e30, -1e30
@@ -61,7 +61,7 @@ def _cone_box(dims, T, box):
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _draw_any(kinds, dims, T_cam_world, Ts_world_shape, params, limits, xs, ys, size, coefficients, buffer, out):
     """Draw all shapes into ``buffer`` (h, w rounded up to sixteen), before what is farther; ``out`` (4,): what they may cover."""
     T, box, pixels, whole = np.empty((4, 4)), np.empty(4), np.empty(4, dtype=np.int64), np.zeros(4, dtype=np.int64)
@@ -92,7 +92,7 @@ def _draw_any(kinds, dims, T_cam_world, Ts_world_shape, params, limits, xs, ys, 
         out[2], out[3] = max(out[2], pixels[2]), max(out[3], pixels[3])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def _draw(shapes, smooth, Ts_world_shape, camera, view, rays, tables, work, buffer, stride, region):
     """Draw shapes into the flat ``buffer`` (h * ``stride``), labeled from 1 on, before what is farther.
 
@@ -132,7 +132,7 @@ def _draw(shapes, smooth, Ts_world_shape, camera, view, rays, tables, work, buff
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _add_spans(label, box, spans, stride, buffer, values, gains, total):
     """Add what one shape's pixels gain by its map ``values`` (h, w) over ``gains`` (h, w), and their number, to ``total``."""
     tag, low_bits = np.int32(label), np.int32(LABEL_BITS)
@@ -150,7 +150,7 @@ def _add_spans(label, box, spans, stride, buffer, values, gains, total):
     total[1] += pixels
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def draw_rest(shapes, smooth, Ts_world_shape, camera, view, rays, tables, maps, map_of_shape, work, stride, buffer, gains):
     """Draw the parts that stay, and what they gain by pixel.
 
@@ -174,7 +174,7 @@ def draw_rest(shapes, smooth, Ts_world_shape, camera, view, rays, tables, maps, 
                 buffer[at] |= REST
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def score_poses(
     shapes, smooth, Ts_world_shape, camera, view, rays, tables, maps, map_of_shape, work, stride, rest, gains, buffer, totals
 ):  # fmt: skip
@@ -221,7 +221,7 @@ def score_poses(
                 buffer[at] = rest[at]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def place_shapes(chain, links, Ts_link_shape, roots, joints, Ts_world_shape):
     """Poses of all shapes in many states.
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...observation.appearance_kernels import log_positive
 from ..lines.colors import other_density
 
@@ -12,7 +12,7 @@ _DARK = np.float32(30.0)  # added to an intensity, so that the hue of dark pixel
 _HUE = np.float32(255.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill_log_ratios(bgr, log_body, scene, room, silhouette, darkest, step, clamp, region, maps):
     """Fill maps with the mean log(p_class / p_scene) of the colors in each cell of an image.
 
@@ -55,7 +55,7 @@ def fill_log_ratios(bgr, log_body, scene, room, silhouette, darkest, step, clamp
                 maps[k, i, j] = cell[k] / np.float32(count)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _color_cost(r, g, b, red, green, blue, caps):
     """Robust cost, 0..2, of one color against another: half of it by RGB, half by RGB over intensity.
 
@@ -69,7 +69,7 @@ def _color_cost(r, g, b, red, green, blue, caps):
     return raw / (raw + caps[0]) + hue / (hue + caps[1])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def background_costs(bgr, background, caps, costs):
     """Cost of every pixel if the image shows the background.
 
@@ -87,7 +87,7 @@ def background_costs(bgr, background, caps, costs):
             )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def fill_explained(bgr, costs, colors, caps, maps):
     """Fill maps with how much less a pixel costs in the color of a part than as background.
 

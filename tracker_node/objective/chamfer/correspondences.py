@@ -13,10 +13,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
 from ...camera.rig import Camera
+from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...render.contour.generators import N_COLUMNS, OUTER, SAMPLES, draw_contour, world_spheres
@@ -283,7 +283,7 @@ outline."""
 N_AGREEMENT = 4
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _count_agreement(shapes, Ts, camera, maps, decided, n_samples, limits, samples, counts):
     """Count how much of outline and silhouette boundary lie on each other in one camera: fill ``counts`` (`N_AGREEMENT`,).
 

@@ -12,10 +12,10 @@ sixteen pixels at a time.
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from ...camera.light import COS_INNER, COS_OUTER, DIRECTION, INTENSITY, N_LIGHT_COLUMNS, POSITION
+from ...compiled.kernels import compiled
 from ...render.raycast.coefficients import LINE, ORIGIN, QUADRATIC, UPPER
 from .drawing import (
     ALL_SMOOTH,
@@ -51,7 +51,7 @@ _AT = tuple(np.uint64(LANES * k) for k in range(N_SUMS))
 _ZERO, _HALF, _ONE, _FULL = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(255.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+@compiled(fastmath=FAST, inline="always")
 def _row(gx, gy, x, y, w, sx, sy, sz):
     """Derivative of a residual by the twist (v, omega); ``s`` is that of the shading by omega."""
     return (
@@ -60,7 +60,7 @@ def _row(gx, gy, x, y, w, sx, sy, sz):
     )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+@compiled(fastmath=FAST, inline="always")
 def _add_rows(lanes, i, weight, r, g, b, er, eg, eb):
     """Add the residuals of the three channels at a pixel, each with its row of the Jacobian, to lane ``i``."""
     r0, r1, r2, r3, r4, r5 = r
@@ -95,7 +95,7 @@ def _add_rows(lanes, i, weight, r, g, b, er, eg, eb):
     lanes[_AT[26] + i] += weight * (r5 * er + g5 * eg + b5 * eb)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base, weights,
                       image_gains, lanes, sums):  # fmt: skip
     """Sums (`N_SUMS`,) of one shape; ``lanes`` (16 `N_SUMS`,) float32 is work space."""
@@ -264,7 +264,7 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
         sums[k] = total
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def linearize_camera(form, shapes, camera, pixels, lights, weights, image_gains, Ts_world_shape, work, sums):
     """Sums of one camera's shapes.
 
@@ -315,7 +315,7 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, image_gains,
     return status
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_to_links(sums, links, T_cam_world, link_normal, link_gradient):
     """Add the sums of one camera's shapes to those of their links.
 

@@ -6,10 +6,10 @@ same sums; slower.
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from ...camera.rig import Camera
+from ...compiled.kernels import compiled
 from ...model.configuration import Configuration
 from ...render.raycast.kernels import LABEL_BITS, pixel_function, pixel_loop
 from ...render.raycast.lighting import (
@@ -36,7 +36,7 @@ _NO_GAINS = np.ones(3, dtype=np.float32)
 _ZERO, _HALF, _ONE, _FULL = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(255.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _recolor(frames, colors):
     """Give every shape one of ``colors`` (n, 3), whatever its faces had."""
     for s in range(colors.shape[0]):

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR
+from ...compiled.kernels import compiled
 from ...model.kinematic_chain import forward_kinematics
 from ...render.raycast.coefficients import BIG, LINE, LOWER, ORIGIN, QUADRATIC, UPPER, farthest_depth, pixel_box
 from ...render.shape_arrays import CONE, ELLIPSOID
@@ -36,7 +36,7 @@ ALL_SMOOTH, BEHIND, NOT_SMOOTH = 0, 1, 2
 PLANES, XS, YS, WIDTH, HEIGHT, DISTORTED, N_VIEW = 0, 1, 2, 3, 4, 5, 6
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def box_of_all(boxes):
     """What the ``boxes`` (n, 4) of shapes that cover any pixel span together: (u0, v0, u1, v1), with u1 = 0 where there is none.
 
@@ -50,7 +50,7 @@ def box_of_all(boxes):
     return u0, v0, u1, v1
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def pose_shapes(chain, links, Ts_link_shape, T_world_root, joint_positions, Ts_world_link, twists, Ts_world_shape):
     """Poses of all shapes in one state.
 
@@ -75,7 +75,7 @@ def pose_shapes(chain, links, Ts_link_shape, T_world_root, joint_positions, Ts_w
                 Ts_world_shape[s, i, j] = value
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def _conic_box(T, first, second, third, ahead, box):
     """Grow ``box`` (x0, y0, x1, y1) by the normalized coordinates of an ellipsoid, or of an ellipse (``third`` = 0), with its
     center ``ahead`` along the shape's z axis. False when it is not wholly in front of the camera.
@@ -98,7 +98,7 @@ def _conic_box(T, first, second, third, ahead, box):
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def _pinhole_box(params, box, region, out):
     """Pixels ``out`` (u0, v0, u1, v1) within ``region`` whose centers lie in the normalized ``box``, of an undistorted camera."""
     out[0] = max(region[0], math.ceil(max(params[0] * box[0] + params[2], -1.0)))
@@ -107,7 +107,7 @@ def _pinhole_box(params, box, region, out):
     out[3] = max(out[1], min(region[3], math.floor(min(params[1] * box[3] + params[3], 1e6)) + 1))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def _bound_by_caps(dims, T, x0, y0, c):
     """Linear bounds of the inverse depth between a cone's two caps; returns which cap the camera sees: -1, 0 or 1.
 
@@ -130,7 +130,7 @@ def _bound_by_caps(dims, T, x0, y0, c):
     return side
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def _smooth_coefficients(kind, dims, T, c, surface):
     """Fill coefficients and surface of one shape at T = T_cam_shape; False when the camera is not outside its (infinite) surface.
 
@@ -181,7 +181,7 @@ def _smooth_coefficients(kind, dims, T, c, surface):
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def prepare_camera(
     kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
 ):
@@ -233,7 +233,7 @@ def prepare_camera(
     return ALL_SMOOTH if in_front else BEHIND
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def find_spans(c, view, rays, box, spans):
     """Columns of each row that a curved surface may cover.
 
@@ -268,7 +268,7 @@ def find_spans(c, view, rays, box, spans):
         spans[v, 1] = np.int32(high if (discriminant > _ZERO) & (high > low) else low)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
     """First pass of one shape: its depth and label where it is in front.
 

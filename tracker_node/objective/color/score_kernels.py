@@ -8,10 +8,10 @@ for comes as the lengths of tuples, which are part of their types.
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from ...camera.light import COS_INNER, COS_OUTER, DIRECTION, INTENSITY, N_LIGHT_COLUMNS, POSITION
+from ...compiled.kernels import compiled
 from ...render.raycast.coefficients import LINE, ORIGIN, QUADRATIC, UPPER
 from .drawing import (
     ALL_SMOOTH,
@@ -45,7 +45,7 @@ _N = np.uint64(LANES)
 _ZERO, _ONE, _FULL = np.float32(0.0), np.float32(1.0), np.float32(255.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def lights_in_camera(lights, T_cam_world, gain, out):
     """Lights with a direction in the axes of one camera.
 
@@ -86,7 +86,7 @@ def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized
     return tuple((0,) * int(n) for n in (n_directional, n_spots, gamma, raw, normalized, gained))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base, weights, total):
     """Add the squared differences of one shape's pixels to ``total[0]``, their number to ``total[1]``.
 
@@ -206,7 +206,7 @@ def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origi
         total[IMAGE_SQUARES + 2] += all_bb
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def _score_camera(form, model, view, params, limits, T_cam_world, gain, base, colors, Ts_world_shape, rays, planes, lights,
                   weights, work, total):  # fmt: skip
     """Squares, pixels, status and the rest of one camera into ``total`` (`N_TOTALS`,)."""
@@ -237,7 +237,7 @@ def _score_camera(form, model, view, params, limits, T_cam_world, gain, base, co
                           buffer, camera_lights, base, weights, total)  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@compiled(fastmath=FAST)
 def score_states(form, chain, shapes, cameras, images, options, roots, joints, camera_indices, work, totals):
     """Squares, pixels and status of states in some cameras.
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import KinematicChain
@@ -117,12 +117,12 @@ def _rigid_groups(chain: KinematicChain) -> np.ndarray:
     return groups
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _gap_at(one, other, s, t):
     """Distance of the surfaces of two spheres, at ``s`` on one round cone and ``t`` on the other; negative where they overlap."""
     square = 0.0
@@ -133,7 +133,7 @@ def _gap_at(one, other, s, t):
     return math.sqrt(square) - radius - other[START_RADIUS] - t * (other[END_RADIUS] - other[START_RADIUS])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _crossing(one, other):
     """(s, t) of the least distance of two round cones without ends; (-1, -1) where there is none.
 
@@ -158,7 +158,7 @@ def _crossing(one, other):
     return (c * e1 - b * e2) / det, (b * e1 - a * e2) / det
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def round_cone_gap(one, other):
     """Distance of the surfaces of two round cones.
 
@@ -189,7 +189,7 @@ def round_cone_gap(one, other):
     return best, best_s, best_t
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def place_capsules(capsules, bounds, capsule_parts, links, Ts_world_link, world_capsules, world_bounds):
     """Round cones and bounding spheres of all parts in the world.
 
@@ -215,7 +215,7 @@ def place_capsules(capsules, bounds, capsule_parts, links, Ts_world_link, world_
         world_bounds[i, 3] = bounds[i, 3]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def deepest(one, other, world_capsules, world_bounds, starts):
     """Least gap of the round cones of two parts.
 
@@ -243,7 +243,7 @@ def deepest(one, other, world_capsules, world_bounds, starts):
     return best, best_i, best_j, best_s, best_t
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def pair_gaps(pairs, world_capsules, world_bounds, starts, out):
     """Gaps of pairs of parts.
 
@@ -257,7 +257,7 @@ def pair_gaps(pairs, world_capsules, world_bounds, starts, out):
         out[k] = deepest(pairs[k, 0], pairs[k, 1], world_capsules, world_bounds, starts)[0]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _across(one, other, u):
     """A way out where one axis goes through the other: across both, or across one where they are parallel."""
     d = (one[END] - one[START], one[END + 1] - one[START + 1], one[END + 2] - one[START + 2])
@@ -275,7 +275,7 @@ def _across(one, other, u):
         u[least] = 1.0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_collisions(pairs, allowed, world_capsules, world_bounds, starts, links, link_moved_by, twists, sigma_m, H, g):
     """Add (depth / sigma)^2 of every pair that overlaps by more than is allowed, the depth being the excess, to normal equations.
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...geometry import so3
 from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
@@ -47,7 +47,7 @@ class Prior:
         return _add(offset, J, information, H, g)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add(offset, J, information, H, g):
     """Add K^T information K to ``H``, K^T information offset to ``g``, K the identity but for J at the root's turn; the cost."""
     n, cost = offset.size, 0.0

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import project_point
+from ...compiled.kernels import compiled
 
 U, V, S_UU, S_UV, S_VV, OUTLIER, SCORE, N_COLUMNS = range(8)
 """Of one point in one camera: pixel, inverse covariance (px^-2), odds q r / (1 - q) of an outlier at no distance, score."""
@@ -25,7 +25,7 @@ _MOST_ROUNDS = 12
 _SETTLED_M = 1e-7
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _solve3(A, b, x):
     """x of A x = b, A symmetric and positive definite (3, 3)."""
     a, d, e = A[0, 0], A[0, 1], A[0, 2]
@@ -38,7 +38,7 @@ def _solve3(A, b, x):
     x[2] = scale * (m02 * b[0] + m12 * b[1] + m22 * b[2])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def look(point, observed, params, R, t, sharpness, information, pull):
     """One camera's cost of a point in the world, with its information (3, 3) and pull (3,), overwritten.
 
@@ -81,7 +81,7 @@ def look(point, observed, params, R, t, sharpness, information, pull):
     return cost, weight, square
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def compare_points(observed, cameras, T, position, mean, prior, sharpness, offset, information, pull, weights, squares):
     """A landmark in all cameras, at the offset that suits them best.
 
@@ -134,7 +134,7 @@ def compare_points(observed, cameras, T, position, mean, prior, sharpness, offse
     return cost
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def known_through_offset(information, T, prior, result):
     """What is known of a point whose offset is not: (A^-1 + P)^-1.
 
@@ -157,7 +157,7 @@ def known_through_offset(information, T, prior, result):
             result[j, k] = 0.5 * (half[j, k] + half[k, j])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_twist(A, b, point, normal, gradient):
     """Add what is known of a point to the equations of its link's spatial twist.
 
@@ -181,7 +181,7 @@ def add_twist(A, b, point, normal, gradient):
                 normal[i, j] += G[k, i] * AG[k, j]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sum_points(observed, cameras, Ts, links, positions, means, priors, sharpness, sums, by_point):
     """All landmarks, summed by link.
 

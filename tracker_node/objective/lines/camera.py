@@ -5,10 +5,10 @@ How well the lines of one camera bear a state out, as kernels.
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import project_point
+from ...compiled.kernels import compiled
 from ...render.contour.generators import OUTER, world_spheres
 from ...render.contour.samples import CLASS, LINK, SHAPE, collect_samples, keep_inside
 from ...render.occluders import drop_covered
@@ -17,7 +17,7 @@ from .surfaces import shift_means
 from .table import LINE_NU, LINE_NV, LINE_U, LINE_V, LOG_RATIO, MEAN, POINT, PRECISION
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def correspond_camera(
     view, cover, classes, shapes, bounds, Ts_shape, Ts_link, camera, n_samples, outward_px, options, surfaces, slot, sums
 ):  # fmt: skip
@@ -58,7 +58,7 @@ def correspond_camera(
     return n
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sum_camera(lines, info, n, Ts_link, camera, options, sums):
     """Residuals of lines at a pose of the body, summed by link.
 
@@ -84,7 +84,7 @@ _COMMON = 1.0  # px^-2: ...which are common beyond, too, where it is no more pre
 _UNSEEN_PX = 1e6  # residual of what the camera cannot see
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def line_residuals(lines, info, n, Ts_link, camera, residuals):
     """Residuals of lines at a pose of the body.
 
@@ -111,7 +111,7 @@ def line_residuals(lines, info, n, Ts_link, camera, residuals):
             residuals[j] = lines[j, LINE_NU] * du + lines[j, LINE_NV] * dv - lines[j, MEAN]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def count_evidence(lines, info, n, residuals, model_variance, close_px, reach_px, evidence):
     """Add the lines of the body's outline to the evidence of its parts.
 

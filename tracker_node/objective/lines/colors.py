@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...observation.appearance import BINS
 from ...observation.appearance_kernels import log_positive
 from ...observation.region.background import LOG_STEP
@@ -30,7 +30,7 @@ _LIT = np.float32((256.0 / BINS) ** 3 / math.pi**1.5)
 _SHADED = np.float32((256.0 / BINS) ** 3 / math.pi * 0.2 / 75.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(inline="always")
 def exp_negative(x):
     """exp(-x) of a float32 in [0, 80], to 1e-5 of its value: exponent, and a polynomial for the rest."""
     t = x * _LOG2_E
@@ -41,7 +41,7 @@ def exp_negative(x):
     return rest * np.int32((np.int32(127) - whole) << np.int32(23)).view(np.float32)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(inline="always")
 def other_density(color, mean, of_scene, most, darkest):
     """Density per bin of a pixel's color where the body does not show.
 
@@ -74,7 +74,7 @@ def other_density(color, mean, of_scene, most, darkest):
     return (_OUTLIERS if known else _ONE) * of_scene + density
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def read_lines(bgr, body, scene, room, silhouette, darkest, clamp, scale, half, lines, plan, n, odds):
     """Fill the clamped log(p_body / p_beyond) of each line's pixels; zero beyond the image.
 
@@ -131,7 +131,7 @@ def read_lines(bgr, body, scene, room, silhouette, darkest, clamp, scale, half, 
             odds[line, k] = _ZERO
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _inside(x, y, du, dv, width, height, count):
     """The range of pixels (first, last; last exclusive) of a line that lie on the image."""
     end_x, end_y = x + (count - 1) * du, y + (count - 1) * dv
@@ -148,7 +148,7 @@ def _inside(x, y, du, dv, width, height, count):
     return (first, last) if first < last else (0, 0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(inline="always")
 def color_at(bgr, u, v):
     """Bilinear color of an image.
 

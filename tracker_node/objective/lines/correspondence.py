@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR, project_point
+from ...compiled.kernels import compiled
 from ...render.contour.generators import INNER, N_COLUMNS, NORMAL, P
 from ...render.contour.samples import (
     BEYOND,
@@ -63,7 +63,7 @@ N_OPTIONS = 9
 COST, SQUARES, WEIGHT, COUNT, N_SAMPLES = range(5)
 N_STATISTICS = 5
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _plan(shapes, Ts, spheres, camera, rows, pixels, info, n, chords, classes, half, scale, plan):
     """Fill ``plan`` (n, `N_PLAN_COLUMNS`); `BEFORE` is -1 of inner edges."""
     for j in range(n):
@@ -78,7 +78,7 @@ def _plan(shapes, Ts, spheres, camera, rows, pixels, info, n, chords, classes, h
     _look_beyond(shapes, Ts, spheres, camera, rows, pixels, info, n, scale, plan)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _look_beyond(shapes, Ts, spheres, camera, rows, pixels, info, n, scale, plan):
     """Where another part of the body shows beyond the other side of a narrow part, it counts as wide.
 
@@ -111,7 +111,7 @@ def _look_beyond(shapes, Ts, spheres, camera, rows, pixels, info, n, scale, plan
                 break
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _fit_creases(bgr, chords, info, n, half, scale, lines):
     """Mean, precision and log-ratio of the lines across inner edges."""
     sums, margin = np.empty((LONGEST + 1, N_SUM_COLUMNS)), int(2.0 / scale + 0.5)
@@ -126,7 +126,7 @@ def _fit_creases(bgr, chords, info, n, half, scale, lines):
         lines[j, MEAN], lines[j, PRECISION] = scale * mean, precision / (scale * scale)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def draw_lines(
     bgr, colors, room, silhouette, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options, lines
 ):  # fmt: skip
@@ -170,7 +170,7 @@ def draw_lines(
         refine_lines(bgr, plan, n, scale, lines)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def linearize_lines(lines, info, n, Ts_link, camera, options, normal, gradient, stats):
     """Add one camera's lines to the normal matrices of its links.
 
@@ -235,7 +235,7 @@ def linearize_lines(lines, info, n, Ts_link, camera, options, normal, gradient, 
         stats[COUNT] += 1.0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill_lower(normal):
     """Make the matrices symmetric whose upper triangles have been summed."""
     for link in range(normal.shape[0]):
@@ -258,7 +258,7 @@ _NEGLIGIBLE = np.float32(20.0)  # a log-likelihood lower by this
 _ZERO = np.float32(0.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def fit_distributions(odds, plan, n, half, scale, sharpness, lines):
     """Mean and precision of the contour's offset, and the log-ratio, of lines that have colors.
 

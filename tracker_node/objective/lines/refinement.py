@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from .colors import color_at
 from .table import LINE_NU, LINE_NV, LINE_U, LINE_V, MEAN, PRECISION, SHARP, WIDTH
 
@@ -25,7 +25,7 @@ _LEAST_CONTRAST = 300.0  # squared gray levels
 _FARTHEST = 1.5  # pixels
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def refine_lines(bgr, plan, n, scale, lines):
     """Move the means of precise lines to where the mixture of colors is even, with their precision.
 
@@ -105,7 +105,7 @@ ERROR = 4  # column of the squared error of a step there, behind the running sum
 N_SUM_COLUMNS = 5
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def step_distribution(bgr, u, v, nu, nv, scale, inside, outside, sums):
     """Offset of a step in brightness along a line.
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...render.contour.samples import LINK, SHAPE
 from .correspondence import LINE_U, LINE_V, PRECISION
 
@@ -15,7 +15,7 @@ _MOST = 20.0
 _OWN = 0.25  # fraction of a line's own variance that does not average out
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_correlated(lines, info, n, taken, found, length_px, sums):
     """Add what one camera's lines contribute to the scatter of a fit, and to its information.
 

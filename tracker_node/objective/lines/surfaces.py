@@ -14,10 +14,10 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR, project_point
+from ...compiled.kernels import compiled
 from ...render.contour.samples import LINK, SHAPE
 from .table import LINE_NU, LINE_NV, LINE_U, LINE_V, MEAN, POINT, PRECISION
 
@@ -43,7 +43,7 @@ class Surfaces:
         return np.linalg.inv(self.covariances)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _line(line, link, Ts_link, camera, row, X):
     """Fill the derivatives ``row`` (4,) of a line by its part's unknowns and ``X`` (3,), its point in the world.
 
@@ -70,7 +70,7 @@ def _line(line, link, Ts_link, camera, row, X):
     return True, u, v, h0, h1, h2
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def shift_means(lines, info, n, Ts_link, camera, surfaces):
     """Take what is known of the surfaces off the means of lines.
 
@@ -88,7 +88,7 @@ def shift_means(lines, info, n, Ts_link, camera, surfaces):
             lines[j, MEAN] -= row[0] * known[0] + row[1] * known[1] + row[2] * known[2] + row[3] * known[3]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sum_surfaces(lines, info, n, Ts_link, camera, robust_sq, model_variance, share, H, b, C):
     """Add one camera's lines to the sums of the parts.
 

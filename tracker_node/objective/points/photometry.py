@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
-import numba as nb
 import numpy as np
 
 from ...camera.model import project_point
 from ...camera.rig import Camera, CameraRig
+from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...render.raycast.raycaster import render_color, render_labels
@@ -324,7 +324,7 @@ def _gains(points: _Points, bgr: np.ndarray, robust_scale: float) -> np.ndarray:
 COST, WEIGHTED_SQUARES, WEIGHT, COUNT, N_SUMS = 0, 1, 2, 3, 4
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_points(points, used_links, Ts_world_link, camera, picture, robust_scale, derivatives, normal, gradient, sums):
     """Add the points of some links to a camera's sums.
 
@@ -412,7 +412,7 @@ def add_points(points, used_links, Ts_world_link, camera, picture, robust_scale,
                     normal[link, a, d] += weight * value
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mirror(normal):
     """Fill the lower triangles of (n, 6, 6)."""
     for link in range(normal.shape[0]):

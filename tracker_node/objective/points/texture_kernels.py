@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR, project_point
+from ...compiled.kernels import compiled
 
 LEAST_POINTS = 12  # of one camera
 LEAST_GAIN = 1e-3
@@ -26,7 +26,7 @@ _LARGE = 1e100  # of a product, whose next factor is far from what a float can h
 UNSEEN, OUTSIDE, INSIDE = 0, 1, 2
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def look(points, Ts_world_link, camera, picture, frozen, flags, values, gradients, places):
     """Colors of the image at the points that face the camera.
 
@@ -95,7 +95,7 @@ def look(points, Ts_world_link, camera, picture, frozen, flags, values, gradient
     return inside
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _sum_log1p(squares):
     """Sum of log(1 + square), by the logarithm of products: one takes as long as twenty."""
     total, product = 0.0, 1.0
@@ -107,7 +107,7 @@ def _sum_log1p(squares):
     return total + math.log(product)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fit_brightness(colors, values, flags, channel, scale, weights):
     """Best gain and offset of one channel under a Cauchy kernel.
 
@@ -179,7 +179,7 @@ def fit_brightness(colors, values, flags, channel, scale, weights):
     return gain, offset, mean_i, var_i, total, cost + flat - flat_inside, flat, count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_channel(colors, values, gradients, places, links, flags, channel, fit, weights, normal, gradient, shared):
     """Add one channel to the normal equations of the links.
 

@@ -9,9 +9,9 @@ bright as it is a little outside (shadows). Summed along the normal it says how 
 from __future__ import annotations
 
 import cv2
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from .distance_transform import distance_to
 
 _INSIDE = (2.0, 3.0)  # pixels from the boundary where the body's color is read
@@ -22,7 +22,7 @@ _BRIGHTNESS = (0.5, 1.15)  # the background beside the body, as a multiple of it
 _LARGEST_SHIFT = 1.5
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _read(image, u, v, color):
     """Bilinear sample of (h, w, 3); the caller sees to it that (u, v) is inside."""
     j, i = int(u), int(v)
@@ -33,7 +33,7 @@ def _read(image, u, v, color):
         color[c] = (1.0 - b) * top + b * bottom
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _shifts(image, scene, known, points, inside, outside, result):
     height, width = image.shape[0], image.shape[1]
     far = outside[1] + 1.0
@@ -77,7 +77,7 @@ def _shifts(image, scene, known, points, inside, outside, result):
             result[k, 1] = 1.0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _scatter(points, shifts, weights, sums, total):
     for k in range(points.shape[0]):
         j = min(max(int(points[k, 0] + 0.5), 0), sums.shape[1] - 1)
@@ -86,7 +86,7 @@ def _scatter(points, shifts, weights, sums, total):
         total[i, j] += weights[k]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _divide(sums, total):
     for i in range(sums.shape[0]):
         for j in range(sums.shape[1]):

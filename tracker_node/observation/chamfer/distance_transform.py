@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 import cv2
-import numba as nb
 import numpy as np
+
+from ...compiled.kernels import compiled
 
 LARGEST_LIMIT = 181  # twice its square still fits into 16 bits
 _STRETCH = 64  # pixels of a row that are worked on together
@@ -20,7 +21,7 @@ _u16 = np.uint16
 _HALF = np.float32(0.5)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _first_down(above, here, features, cap):
     for u in range(here.size):
         run = _u16(above[u] + _u16(1))
@@ -28,20 +29,20 @@ def _first_down(above, here, features, cap):
         here[u] = _u16(0) if features[u] else run
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _then_up(below, here):
     for u in range(here.size):
         run = _u16(below[u] + _u16(1))
         here[u] = run if run < here[u] else here[u]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _square(row):
     for u in range(row.size):
         row[u] = _u16(row[u] * row[u])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _columns(features, limit, squares):
     """Squared distances within the columns, with margins of ``limit + _STEPS`` at which nothing is near."""
     height, width = features.shape
@@ -58,7 +59,7 @@ def _columns(features, limit, squares):
     _square(squares[0, first:last])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _look_aside(window, i, best):
     """Lower ``best`` by what lies i .. i + 3 columns to either side; ``window`` reaches equally far beyond it on both sides.
 
@@ -85,7 +86,7 @@ def _look_aside(window, i, best):
         best[k] = c if c < x else x
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _largest(values):
     result = _u16(0)
     for k in range(values.size):
@@ -93,7 +94,7 @@ def _largest(values):
     return result
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _smallest(values):
     result = _u16(65535)
     for k in range(values.size):
@@ -101,7 +102,7 @@ def _smallest(values):
     return result
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _stretch(squares, start, limit, best):
     """Squared distances of the stretch of a row that starts at pixel ``start``."""
     reach = limit + _STEPS
@@ -115,7 +116,7 @@ def _stretch(squares, start, limit, best):
         _look_aside(window, i, best)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _rows(squares, limit, truncation, out):
     best = np.empty(_STRETCH, _u16)
     for v in range(out.shape[0]):
@@ -127,7 +128,7 @@ def _rows(squares, limit, truncation, out):
                 part[k] = distance if distance < truncation else truncation
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _rows_signed(outside, inside, limit, truncation, out):
     best_outside, best_inside = np.empty(_STRETCH, _u16), np.empty(_STRETCH, _u16)
     for v in range(out.shape[0]):

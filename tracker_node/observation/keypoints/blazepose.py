@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...errors import extra_module
 from .crop import Crop, mapped
 from .people import People, Person, Silhouette
@@ -273,7 +273,7 @@ _LEAST = 0.05  # cells^2: a map cannot tell a place more finely
 _REACH = 3  # cells around the first guess in which the peak is searched, and around the peak that have a say, on either side
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def read_heat_maps(logits, points, means, covariances, peaks):
     """Mean and second moments of the squares of each map, around its peak beside a first guess.
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ..appearance import SEEN, Region, SceneModel, grown
 from ..appearance_kernels import log_positive
 
@@ -137,7 +137,7 @@ class _Way:
         return self._length_px
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _learn(bgr, region, around, near, mean, variance, known, proofs, kept, kept_at, way, rate, floor, moves, follow):
     """Take in the pixels of a region that are not near the body; how many ``around`` it have stayed, and how many have not."""
     u0, v0, u1, v1 = region
@@ -174,7 +174,7 @@ def _learn(bgr, region, around, near, mean, variance, known, proofs, kept, kept_
     return n_stayed, n_changed
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _pack(mean, variance, trusted, region, per_least, pixels):
     u0, v0, u1, v1 = region
     codes, per_step = np.zeros(u1 - u0, dtype=np.uint32), np.float32(1.0 / LOG_STEP)

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import cv2
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ..appearance import BINS, Region, count_colors, spread_counts
 
@@ -27,7 +27,7 @@ _SHADED = 0.3  # of the surroundings of a thing that may cast a shadow
 _SHADOWS = (0.4, 0.5, 0.6, 0.7, 0.8)  # how bright they are there
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mix_counts(shares, counts, rate):
     """Mix new counts of colors into a histogram. Counts are summed as integers: those are summed side by side.
 
@@ -53,7 +53,7 @@ def mix_counts(shares, counts, rate):
     return total
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mix_classes(parts, counts, rate, kinds, support):
     """Mix new counts of every class into its histogram.
 
@@ -75,7 +75,7 @@ def mix_classes(parts, counts, rate, kinds, support):
         support[i] = np.float32(alike) / np.float32(total)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill_classes(parts, shades, stated, trusted, doubted, borne_out, prior_share, body):
     """Fill the densities of all classes from what is known of each.
 
@@ -99,7 +99,7 @@ def fill_classes(parts, shades, stated, trusted, doubted, borne_out, prior_share
         fill_density(parts[i], shades[i], of_shades, stated[i], of_stated, body[i])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill_density(learned, shades, of_shades, stated, of_stated, density):
     """Fill one density: of what is learned and of shades, neighboring colors sharing, of what is stated, and a little of all.
 
@@ -127,7 +127,7 @@ def fill_density(learned, shades, of_shades, stated, of_stated, density):
         density[k] = both * density[k] + prior * stated[k] + np.float32(_MIX * UNIFORM)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def shade(lit, out):
     """Darken a part of some colors, as shadows do.
 
@@ -273,7 +273,7 @@ class RegionColors:
             self._was_reliable[self._classes[reliable]] = True
             self._was_unreliable[self._classes[~reliable]] = True
         counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
-        crop = np.ascontiguousarray(bgr[v0:v1, u0:u1])
+        crop = bgr[v0:v1, u0:u1].copy()
         count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
         if sure_px is not None and sure_px < guard_px:
             inside = np.ones((2 * sure_px + 1, 2 * sure_px + 1), dtype=np.uint8)

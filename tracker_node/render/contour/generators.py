@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-
+from ...compiled.kernels import compiled
 from ..shape_arrays import CONE, ELLIPSOID, OTHER
 from .picks import cap_rows, edge_rows, has_caps, pick_caps, pick_edges
 
@@ -28,21 +27,21 @@ SAMPLES = 4  # times the samples of one generator line: as many as a shape may h
 HIDDEN, OUTER, INNER = 0, 1, 2
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _to_world(T, x, y, z, out, at, translate):
     for i in range(3):
         value = T[i, 0] * x + T[i, 1] * y + T[i, 2] * z
         out[at + i] = value + T[i, 3] if translate else value
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _unit_normal(row):
     norm = math.sqrt(row[M] ** 2 + row[M + 1] ** 2 + row[M + 2] ** 2)
     for i in range(3):
         row[NORMAL + i] = row[M + i] / norm
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cone_contour(dims, T, center, n_samples, out):
     """Fill ``out`` with 2 * n_samples rows for one cone; returns how many (0 when the camera is inside the cone)."""
     a, b, k, z1, z2 = dims[0], dims[1], dims[2], dims[3], dims[4]
@@ -75,7 +74,7 @@ def _cone_contour(dims, T, center, n_samples, out):
     return count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _ellipsoid_contour(dims, T, center, n_samples, out):
     """Fill ``out`` with n_samples rows for one ellipsoid; returns how many (0 when the camera is inside)."""
     rx, ry, rz = dims[0], dims[1], dims[2]
@@ -116,7 +115,7 @@ def _ellipsoid_contour(dims, T, center, n_samples, out):
     return n_samples
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _shape_contour(kind, dims, T, center, n_samples, out):
     """Sliding contour samples of one shape; ``out`` (>= 2 n_samples, `N_COLUMNS`). Returns their number."""
     if kind == CONE:
@@ -126,7 +125,7 @@ def _shape_contour(kind, dims, T, center, n_samples, out):
     return 0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def world_spheres(Ts_world_shape, bounds, out):
     """Bounding spheres of all shapes in the world.
 
@@ -147,7 +146,7 @@ def world_spheres(Ts_world_shape, bounds, out):
         out[i, 3] = bounds[i, 3]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def draw_contour(shapes, shape, T, center, n_samples, anew, picks, n_picks, out):
     """All contour samples of a shape of any kind: first those that are fixed to it, then those that slide.
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ..solids import (
     BORDER,
     CAPS,
@@ -41,7 +41,7 @@ N_PICK_COLUMNS = 4
 _LEAST_ON_RIM = 8  # samples all around
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def pick_edges(surfaces, shape, T, center, most, picks):
     """Spread picks evenly, as the camera sees them, over the edges of a solid that it may see.
 
@@ -99,7 +99,7 @@ def pick_edges(surfaces, shape, T, center, most, picks):
     return most
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def pick_caps(dims, T, center, n_samples, picks):
     """Picks on the rims of a cone's caps, as far apart as those of its lines.
 
@@ -136,7 +136,7 @@ def pick_caps(dims, T, center, n_samples, picks):
     return count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _finish(T, ox, oy, oz, px, py, pz, tx, ty, tz, side, row):
     """Row of a sample at p with tangent t, both in the frame of the shape: normal across tangent and line of sight."""
     sx, sy, sz = ox - px, oy - py, oz - pz
@@ -149,7 +149,7 @@ def _finish(T, ox, oy, oz, px, py, pz, tx, ty, tz, side, row):
         row[3 + i], row[6 + i], row[9 + i] = normal, 0.0, normal
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def edge_rows(surfaces, T, center, picks, n, out):
     """Contour samples (see `generators`) of the picks of a box or mesh.
 
@@ -171,7 +171,7 @@ def edge_rows(surfaces, T, center, picks, n, out):
                 picks[j, SIDE], out[j])  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def cap_rows(dims, T, center, picks, n, out):
     """Contour samples (see `generators`) of the picks of a cone.
 
@@ -192,7 +192,7 @@ def cap_rows(dims, T, center, picks, n, out):
         _finish(T, ox, oy, oz, a * c, b * s, z, -a * s, b * c, 0.0, picks[j, SIDE], out[j])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def has_caps(surfaces, shape):
     """Whether the rims of a shape's end caps are contours.
 

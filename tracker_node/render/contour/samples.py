@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR, project_point
+from ...compiled.kernels import compiled
 from ..shape_arrays import OTHER
 from ..solids import NO_HIT, solid_hit, to_shape
 from .generators import HIDDEN, N_COLUMNS, NORMAL, OUTER, SAMPLES, P, draw_contour
@@ -23,7 +23,7 @@ N_INFO_COLUMNS = 4
 _BISECTIONS = 6  # of a chord
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def project_samples(params, R, t, rows, count, outward_px, pixels, outwards):
     """Project contour samples into the image.
 
@@ -66,7 +66,7 @@ def project_samples(params, R, t, rows, count, outward_px, pixels, outwards):
         pixels[i, JACOBIAN + 3], pixels[i, JACOBIAN + 4], pixels[i, JACOBIAN + 5] = vx, vy, vz
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pixels, info):
     """Fill one row for every contour sample that the camera sees.
 
@@ -117,7 +117,7 @@ def collect_samples(shapes, Ts, spheres, camera, n_samples, outward_px, rows, pi
     return n
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def keep_inside(rows, pixels, info, n, width, height):
     """Keep those samples that lie on the image, in their order.
 
@@ -140,7 +140,7 @@ def keep_inside(rows, pixels, info, n, width, height):
     return kept
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def chords_px(shapes, Ts, camera, rows, pixels, info, n, reach_px, chords):
     """How far its shape reaches from each contour sample, in the image.
 

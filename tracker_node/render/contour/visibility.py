@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-
+from ...compiled.kernels import compiled
 from ..shape_arrays import ELLIPSOID, OTHER
 from ..solids import MESH, NO_HIT, SORT, solid_hit, to_shape
 from .generators import HIDDEN, INNER, NORMAL, OUTER, P
@@ -21,7 +20,7 @@ _TOLERANCE_M = 0.003  # a part that comes in less than this before a point of an
 _MARGIN = 1.1
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def view_shapes(Ts_world_shape, spheres, center, views):
     """Fill the view of every shape from a camera: what the search for shapes in the way asks for again and again.
 
@@ -45,7 +44,7 @@ def view_shapes(Ts_world_shape, spheres, center, views):
         views[s, SINE], views[s, COSINE] = sine, math.sqrt(1.0 - sine * sine)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def nearby_shapes(views, shape, out):
     """Shapes whose bounding spheres overlap that of ``shape`` as the camera sees them.
 
@@ -72,7 +71,7 @@ def nearby_shapes(views, shape, out):
     return count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def interval(kind, dims, s, ox, oy, oz, ux, uy, uz):
     """Where a ray is inside a cone or ellipsoid, all in the frame of the shape.
 
@@ -147,7 +146,7 @@ def interval(kind, dims, s, ox, oy, oz, ux, uy, uz):
     return t_in < t_out, t_in, t_out
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def ray_interval(shapes, s, T, center, dx, dy, dz):
     """Where a ray of the world is inside a shape of any kind.
 
@@ -170,7 +169,7 @@ def ray_interval(shapes, s, T, center, dx, dy, dz):
     return interval(shapes[0][s], shapes[1], s, ox, oy, oz, ux, uy, uz)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def classify_samples(shapes, views, shape, Ts, nearby, n_nearby, center, rows, count, picks, n_picks, outwards, classes, beyonds):
     """Decide which contour samples of a shape are seen, and what lies beyond them.
 

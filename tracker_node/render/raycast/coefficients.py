@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR, project_point
+from ...compiled.kernels import compiled
 from ..shape_arrays import CONE, ELLIPSOID
 
 BIG = 1e30  # an inverse depth that no bound reaches
@@ -27,7 +27,7 @@ N_COEFFICIENTS = 38
 _POLYGON = 16  # corners of the polygons around a cone's end ellipses
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _slab(position, low, high, d0, d1, d2, coefficients, upper, lower):
     """Bounds of w from low <= p_j <= high, for a camera at p_j = ``position``: one upper (or none) and two lower ones."""
     e_low, e_high = position - low, position - high
@@ -49,7 +49,7 @@ def _slab(position, low, high, d0, d1, d2, coefficients, upper, lower):
     coefficients[lower], coefficients[lower + 1], coefficients[lower + 2] = -d0 / far, -d1 / far, -d2 / far
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _quadric(camera, ray, signs, coefficients):
     """Line and quadratic with w = line +- sqrt(quadratic) on the surface B(p, p) = 0; returns B of the camera.
 
@@ -78,7 +78,7 @@ def _quadric(camera, ray, signs, coefficients):
     return c
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def shape_coefficients(kind, dims, T, coefficients):
     """Coefficients of one shape in a camera; a shape that the camera is inside of is invisible.
 
@@ -134,7 +134,7 @@ def shape_coefficients(kind, dims, T, coefficients):
     return INVISIBLE if dims[3] < o[2] < dims[4] else ABOVE
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _grow(T, x, y, z, box):
     """Grow ``box`` (x0, y0, x1, y1) by the normalized coordinates of a shape's point; False when it is not in front."""
     pz = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
@@ -147,7 +147,7 @@ def _grow(T, x, y, z, box):
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _ellipsoid_box(dims, T, box):
     """Exact: a plane n through the camera is tangent where n' (c c' - S) n = 0, S the ellipsoid's matrix."""
     dual = np.empty((3, 3))
@@ -166,7 +166,7 @@ def _ellipsoid_box(dims, T, box):
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def farthest_depth(kind, dims, T):
     """Largest depth of a shape's points.
 
@@ -188,7 +188,7 @@ def farthest_depth(kind, dims, T):
     return depth + max(T[2, 2] * low + (1.0 + dims[2] * low) * rim, T[2, 2] * high + (1.0 + dims[2] * high) * rim)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def normalized_box(kind, dims, T, box):
     """A rectangle of rays that encloses a shape.
 
@@ -223,7 +223,7 @@ def normalized_box(kind, dims, T, box):
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def pixel_box(params, box, limits, region, out):
     """Pixels that see into a rectangle of rays, rather too many than too few.
 

@@ -11,11 +11,12 @@ over boxes of pixels: in groups of sixteen, the span of a curved surface in each
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ..shape_arrays import PADDING
 from .coefficients import ABOVE, BELOW, BETWEEN, BOX, LINE, LOWER, ORIGIN, QUADRATIC, UPPER
 
@@ -27,12 +28,10 @@ _ZERO = np.float32(0.0)
 # numba counts the references to arrays whenever they are passed on, by atomic operations that cost five times as much as the
 # arithmetic of shading a pixel. Without (``_nrt``) a function takes arrays and numbers, and neither makes nor returns arrays or
 # slices.
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
-
-pixel_function: Any = nb.njit(forceinline=True, **_OPTIONS)
+pixel_function: Any = partial(compiled, forceinline=True, _nrt=False)
 """Decorator of a function at one pixel: compiled into its callers, without counting references."""
 
-pixel_loop: Any = nb.njit(**_OPTIONS)
+pixel_loop: Any = partial(compiled, _nrt=False)
 """Decorator of a kernel that calls such functions pixel by pixel."""
 
 
@@ -40,7 +39,7 @@ def _make_curved(bounds: int) -> Callable:
     """The loop over a curved surface that bounds the inverse depth as ``bounds`` says, a constant when it is compiled."""
     between, above = bounds == BETWEEN, bounds == ABOVE
 
-    @nb.njit(cache=True, nogil=True, error_model="numpy")
+    @compiled
     def draw(c, label, xs, ys, rows, columns, row_offset, column_offset, buffer):
         x0, y0 = c[ORIGIN], c[ORIGIN + 1]
         q00, q10, q01, q20, q11, q02 = (c[QUADRATIC], c[QUADRATIC + 1], c[QUADRATIC + 2], c[QUADRATIC + 3],
@@ -83,7 +82,7 @@ def _make_curved(bounds: int) -> Callable:
 _draw_between, _draw_above, _draw_below = _make_curved(BETWEEN), _make_curved(ABOVE), _make_curved(BELOW)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _box(c, label, xs, ys, rows, columns, row_offset, column_offset, buffer):
     x0, y0 = c[ORIGIN], c[ORIGIN + 1]
     tag, upper_bits = np.int32(label), np.int32(~LABEL_BITS)
@@ -107,7 +106,7 @@ def _box(c, label, xs, ys, rows, columns, row_offset, column_offset, buffer):
                 out[i] = packed if packed > out[i] else out[i]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def draw_shape(kind, bounds, c, label, xs, ys, box, row_offset, column_offset, buffer):
     """Draw one shape into a buffer.
 
@@ -134,7 +133,7 @@ def draw_shape(kind, bounds, c, label, xs, ys, box, row_offset, column_offset, b
         _draw_below(c, label, xs, ys, rows, columns, row_offset, column_offset, buffer)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def unpack_labels(buffer, columns, labels):
     """Labels out of a buffer.
 
@@ -149,7 +148,7 @@ def unpack_labels(buffer, columns, labels):
             labels[v, u] = buffer[v, u + columns] & LABEL_BITS
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def unpack_depth(buffer, columns, depth):
     """Depth out of a buffer.
 
@@ -167,7 +166,7 @@ def unpack_depth(buffer, columns, depth):
             depth[v, u] = np.float32(1.0) / inverse if packed > 0 else np.float32(np.inf)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def unpack_mask(buffer, columns, mask):
     """Mask out of a buffer.
 

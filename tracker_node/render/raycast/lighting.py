@@ -7,11 +7,11 @@ is a line in the cosine of the angle from its axis, clipped to 0..1.
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from ...camera import light as packing
 from ...camera.light import AMBIENT, DIRECTIONAL, SPOT
+from ...compiled.kernels import compiled
 from .kernels import pixel_function
 
 _ZERO, _ONE, _WHITE, _TINY = np.float32(0.0), np.float32(1.0), np.float32(255.0), np.float32(1e-30)
@@ -21,7 +21,7 @@ PLACE, NEARNESS, AXIS, SLOPE, CONSTANT, FLOOR, INTENSITY = 0, 3, 4, 7, 8, 9, 10
 N_COLUMNS = 13
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def lights_in_camera(packed, T_cam_world):
     """Lights in the frame of a camera, as `irradiance` takes them.
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from ...camera.model import NEAR, project_point
+from ...compiled.kernels import compiled
 from .coefficients import pixel_box
 from .kernels import LABEL_BITS, LANES, pixel_function, pixel_loop
 
@@ -26,7 +26,7 @@ _SHORT_BEND = 0.25  # pixels, of edges too short to sample
 _NARROW = 8  # pixels: narrower triangles are drawn one pixel at a time
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mesh_box(points, params, limits, region, out):
     """Pixels that may see a mesh; all of the region if some of its points are not in front of the camera.
 
@@ -51,7 +51,7 @@ def mesh_box(points, params, limits, region, out):
         out[2], out[3] = region[2], region[3]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def pose_vertices(vertices, T_cam_world, T_world_shape, params, points, pixels):
     """Vertices of a mesh as a camera sees them.
 
@@ -183,7 +183,7 @@ def _draw_narrow(c, t, label, number, xs, ys, u0, v0, u1, v1, row_offset, column
                 numbers[row, column] = number
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _draw_wide(c, t, label, number, xs, ys, u0, v0, u1, v1, row_offset, column_offset, buffer, numbers):
     x0, y0 = c[t, ORIGIN], c[t, ORIGIN + 1]
     e0, e1, e2, f0, f1, f2, g0, g1, g2 = (c[t, 2], c[t, 3], c[t, 4], c[t, 5], c[t, 6], c[t, 7], c[t, 8], c[t, 9],

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numba as nb
 import numpy as np
 
 from ...camera.light import Light, pack_lights
 from ...camera.model import NEAR, CameraModel
 from ...camera.rig import Camera
+from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration
 from ...model.shapes.primitives import Box, Mesh, is_closed
@@ -62,7 +62,7 @@ _drawables: Callable[[ArticulatedModel], _Drawables] = MadeOnce(_make_drawables)
 _light_drawables: Callable[[ArticulatedModel], _Drawables] = MadeOnce(_make_light_drawables)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _prepare(params, limits, kinds, dims, T_cam_world, Ts_world_shape, region, coefficients, bounds, boxes):
     """Coefficients (n, .), kinds of bounds (n,) and pixel boxes (n, 4) of all shapes that are not meshes."""
     T, box, row = np.empty((4, 4)), np.empty(4), np.empty(coefficients.shape[1])
@@ -90,7 +90,7 @@ def _prepare(params, limits, kinds, dims, T_cam_world, Ts_world_shape, region, c
             boxes[s, 2], boxes[s, 3] = region[2], region[3]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _draw_shapes(kinds, bounds, coefficients, xs, ys, boxes, row_offset, column_offset, buffer):
     for s in range(kinds.shape[0]):
         if bounds[s] != INVISIBLE:

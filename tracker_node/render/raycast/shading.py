@@ -18,9 +18,9 @@ from behind is shaded as if its normals were turned over. The kernel that has th
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ..shape_arrays import CONE, OTHER
 from . import mesh_kernels as mesh
 from .coefficients import ABOVE, BELOW, BETWEEN, BOX, LINE, ORIGIN, QUADRATIC, UPPER
@@ -39,7 +39,7 @@ KIND, BOUNDS, PIXEL, COLORS, TEXTURES = 27, 28, 29, 31, 49
 N_FRAME_COLUMNS = 55
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill_frames(kinds, bounds, dims, colors, textures, params, T_cam_world, Ts_world_shape, frames):
     """Fill what `surface_at` needs of each shape.
 

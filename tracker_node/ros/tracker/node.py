@@ -112,7 +112,7 @@ class TrackerNode(ManagedNode):
             check_use(options.model, config)
         said = JointStateInbox(self, options.model, topic, self._diagnostics, self._mismatches) if topic else None
         self._joint_states = said
-        self._maker.prepare(cameras, config, writeable=inbox.compressed)
+        self._maker.prepare(cameras, config)
         self._maker.check(cameras, config)  # loads what a change of parameters needs
         keep_for_ever()
         self._setup_in_use = self._setup(config, cameras, self._lenses)
@@ -210,7 +210,7 @@ class TrackerNode(ManagedNode):
             return unknown_parameters(self, parameter_list) or super().set_parameters_atomically(parameter_list)
 
     def _setup(self, config: TrackerConfig, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None) -> TrackingSetup:
-        self._maker.prepare(cameras, config, writeable=bool(self._parameters_of_node.fixed["compressed"]))
+        self._maker.prepare(cameras, config)
         rig = self._maker.rig(cameras, lenses)
         return TrackingSetup(config, cameras, rig, None if rig is None else self._maker.tracker(rig, config))
 

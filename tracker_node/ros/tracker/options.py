@@ -65,7 +65,7 @@ class TrackerMaker:
         self._options = options
         self._backgrounds = load_backgrounds(options.rig)
         self._small: SmallTrackers | None = None
-        self._prepared: tuple[TrackerConfig, bool] | None = None
+        self._prepared: TrackerConfig | None = None
 
     def rig(self, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None = None) -> CameraRig | None:
         """The cameras in use, in the order of the rig, with other lenses if given; None where one of them is not known.
@@ -86,25 +86,24 @@ class TrackerMaker:
             return None
         return replace(rig, cameras=tuple(replace(camera, model=lenses[camera.name]) for camera in rig))
 
-    def prepare(self, cameras: tuple[str, ...], config: TrackerConfig, writeable: bool) -> None:
+    def prepare(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
         """Have the code in memory that such a tracker runs, so that it does not stop to compile in the middle of a run.
 
         Parameters
         ----------
         cameras : names of those in use.
         config : parameters of the tracker.
-        writeable : whether its images will be.
 
         Raises
         ------
         TrackerError : the configuration does not suit the body.
         """
         options = self._options
-        if options.make_tracker is not None or self._prepared == (config, writeable):
+        if options.make_tracker is not None or self._prepared == config:
             return
         rig = options.rig.subset(cameras)
-        warm_up(rig, options.model, config, options.initial_state, options.occluders, writeable=writeable)
-        self._prepared = (config, writeable)
+        warm_up(rig, options.model, config, options.initial_state, options.occluders)
+        self._prepared = config
 
     def tracker(self, rig: CameraRig, config: TrackerConfig) -> Steppable:
         """A tracker that knows nothing yet but the initial state.

@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numba as nb
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...geometry import so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
@@ -71,7 +71,7 @@ def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | No
     return result if _measure(told, evidence.close, evidence.log_ratio, shapes, result) else None
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _measure(expected, close, log_ratio, shapes, result):
     """Fill ``result`` with `MEASURES`; whether any camera says enough for that. Tables are (n_cameras, n_shapes)."""
     n_cameras, n_shapes = expected.shape

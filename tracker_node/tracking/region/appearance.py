@@ -99,8 +99,7 @@ class RegionAppearance:
                 found.append(None)
                 continue
             silhouette = packed(None if person is None else person.silhouette, image.shape[:2], self._odds)
-            pixels = np.ascontiguousarray(image)
-            found.append(View(pixels, (colors.body, colors.scene), self._rooms[i].packed, silhouette))
+            found.append(View(image, (colors.body, colors.scene), self._rooms[i].packed, silhouette))
         return found
 
     def learn(

@@ -1,0 +1,188 @@
+"""Compiles the functions of a usual tracker on all processors, before they are called one after the other on one.
+
+`kernels.json` lists them, callees first, as `tools/list_kernels.py` has found them. Each is compiled once its callees are, by this
+process or one of its helpers, which find each other's machine code on disk. What is not listed is compiled when it is called.
+"""
+
+from __future__ import annotations
+
+import heapq
+import importlib
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import types as numba_types
+
+from .kernels import is_kept
+
+LIST = Path(__file__).with_name("kernels.json")
+_PACKAGE = __package__.partition(".")[0]
+_PATIENCE_S = 120.0  # for a helper to end, once there is nothing more to do
+
+Progress = Callable[[int, int], None]
+"""Called with how many functions are compiled, and how many there are to compile."""
+
+
+class _Literals:
+    """What ``Literal[int](3)`` means."""
+
+    def __getitem__(self, kind: type) -> Callable[[Any], Any]:
+        return numba_types.literal
+
+
+_AS_WRITTEN = {**vars(numba_types), "bool": numba_types.boolean, "omitted": lambda default: numba_types.Omitted(default), "Literal": _Literals()}
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """One function for arguments of some types.
+
+    Attributes
+    ----------
+    name : module within the package, a colon, and what it is called there.
+    arguments : numba types, as Python writes them.
+    after : places in the list of those that it calls.
+    ms : that compiling it alone took.
+    """
+
+    name: str
+    arguments: str
+    after: tuple[int, ...]
+    ms: int
+
+    @property
+    def types(self) -> tuple:
+        """The numba types of its arguments."""
+        return eval(self.arguments, dict(_AS_WRITTEN))
+
+    @property
+    def dispatcher(self) -> Any:
+        """The function; its module is imported."""
+        module, _, name = self.name.partition(":")
+        return getattr(importlib.import_module(f"{_PACKAGE}.{module}"), name)
+
+    def compile(self) -> None:
+        """Compile it, or load what has been compiled."""
+        self.dispatcher.compile(self.types)
+
+
+@cache
+def listed() -> tuple[Kernel, ...]:
+    """All that `kernels.json` lists."""
+    return tuple(Kernel(k["name"], k["arguments"], tuple(k["after"]), k["ms"]) for k in json.loads(LIST.read_text()))
+
+
+def compile_ahead(progress: Progress | None = None, processes: int | None = None) -> int:
+    """Compile what is not kept on disk yet.
+
+    Parameters
+    ----------
+    progress : tells how far it is.
+    processes : that compile, this one among them; None: one a processor.
+
+    Returns
+    -------
+    How many functions there were to compile.
+    """
+    n = len(os.sched_getaffinity(0)) if processes is None else processes
+    kernels = listed()
+    missing = [i for i, kernel in enumerate(kernels) if not is_kept(kernel.dispatcher, kernel.types)]
+    if missing:
+        _together(_Work(kernels, missing, progress), n)
+    return len(missing)
+
+
+class _Work:
+    """Who compiles what next; asked from several threads. Those go first behind which most is waiting."""
+
+    def __init__(self, kernels: Sequence[Kernel], missing: Sequence[int], progress: Progress | None):
+        self._progress, self._n, self._done = progress, len(missing), 0
+        wanted = set(missing)
+        self._waits = {i: {j for j in kernels[i].after if j in wanted} for i in missing}
+        self._behind = {i: kernels[i].ms for i in missing}
+        for i in reversed(missing):  # callers come after those that they call
+            for j in self._waits[i]:
+                self._behind[j] = max(self._behind[j], kernels[j].ms + self._behind[i])
+        self._ready = [(-self._behind[i], i) for i in missing if not self._waits[i]]
+        heapq.heapify(self._ready)
+        self._changed = threading.Condition()
+        self._at_work = 0
+
+    def __iter__(self) -> Iterator[int]:
+        """Places in the list, as they may be compiled; one is done when the next is asked for."""
+        i: int | None = None
+        while True:
+            with self._changed:
+                if i is not None:
+                    self._finish(i)
+                while not self._ready and self._at_work:
+                    self._changed.wait()
+                if not self._ready:
+                    return
+                i = heapq.heappop(self._ready)[1]
+                self._at_work += 1
+            try:
+                yield i
+            except GeneratorExit:  # whoever has it could not: others are not to wait for it
+                with self._changed:
+                    self._finish(i)
+                raise
+
+    def _finish(self, i: int) -> None:
+        self._at_work -= 1
+        self._done += 1
+        for other, waits in self._waits.items():
+            if i in waits:
+                waits.remove(i)
+                if not waits:
+                    heapq.heappush(self._ready, (-self._behind[other], other))
+        self._changed.notify_all()
+        if self._progress is not None:
+            self._progress(self._done, self._n)
+
+
+def _together(work: _Work, processes: int) -> None:
+    helpers = [threading.Thread(target=_by_helper, args=(work,)) for _ in range(processes - 1)]
+    for helper in helpers:
+        helper.start()
+    for i in work:
+        listed()[i].compile()
+    for helper in helpers:
+        helper.join()
+
+
+def _by_helper(work: _Work) -> None:
+    """Have a process compile until nothing is left; one that ends before that leaves the rest to others."""
+    command = [sys.executable, "-m", f"{__package__}.ahead"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None and process.stdout is not None
+        with suppress(OSError):
+            for i in work:
+                process.stdin.write(f"{i}\n")
+                process.stdin.flush()
+                if not process.stdout.readline():
+                    return
+        with suppress(OSError):
+            process.stdin.close()
+        process.wait(_PATIENCE_S)
+
+
+def main() -> int:
+    """Compile the functions whose places in the list come by standard input; each is answered by its place."""
+    for line in sys.stdin:
+        listed()[int(line)].compile()
+        print(line.strip(), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
