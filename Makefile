@@ -25,6 +25,7 @@ WHEELS := $(VENV)/.wheels-installed
 MSGS := $(VENV)/.msgs-installed
 PACKAGE := $(VENV)/.package-installed
 WEIGHTS := $(VENV)/.weights-asked-for
+COMPILED := $(VENV)/.compiled
 MSGS_SOURCES := $(shell find msgs -type f -not -path '*/build/*')
 PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find config launch resource -type f 2>/dev/null)
 
@@ -33,7 +34,7 @@ PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find co
 help:  ## show this list
 	@grep -hE '^[a-z-]+:.*  ## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/' | expand -t 24
 
-setup: $(PACKAGE) $(WEIGHTS)  ## make .venv with the pinned packages, the interfaces and this package
+setup: $(PACKAGE) $(WEIGHTS) $(COMPILED)  ## make .venv with the pinned packages, the interfaces and this package
 
 check-system:
 	@"$(PYTHON)" tools/check_system.py
@@ -64,6 +65,12 @@ $(PACKAGE): $(MSGS) $(PACKAGE_SOURCES) tools/link_data_files.py
 $(WEIGHTS): | $(PACKAGE)
 	@echo "Fetching the weights of the network that finds points of people (35 MB, kept in ~/.cache/tracker_node)"
 	@$(RUN) tools/fetch_weights.py
+	@touch $@
+
+# Once: what changes later is compiled when it is called.
+$(COMPILED): | $(PACKAGE)
+	@echo "Compiling what tracking takes (once, on all processors)"
+	@$(RUN) tools/compile_ahead.py
 	@touch $@
 
 demo: setup check-system  ## track a real recording of a person by contours and points; results in out/demo

@@ -23,7 +23,8 @@ import numpy as np
 def main() -> int:
     if "NUMBA_CACHE_DIR" not in os.environ:
         with tempfile.TemporaryDirectory() as folder:
-            return subprocess.run([sys.executable, __file__], env={**os.environ, "NUMBA_CACHE_DIR": folder}, check=False).returncode
+            environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+            return subprocess.run([sys.executable, __file__], env=environment, check=False).returncode
     from tracker_node.compiled.ahead import LIST
 
     rows = list(_rows(_compiled()))
@@ -59,13 +60,14 @@ def _track() -> None:
     from tracker_node.model.humans.human import human_model
     from tracker_node.model.kinematic_chain import KinematicChain
     from tracker_node.model.shapes.primitives import Box
+    from tracker_node.tracking import warm_up
     from tracker_node.tracking.config import from_dict
-    from tracker_node.tracking.warm_up import warm_up
 
+    warm_up.compile_ahead = lambda: 0  # by what was listed before
     box = Shape("box", "box", Box((0.3, 0.2, 0.1)), np.eye(4), (200, 60, 40))
     for model in (human_model(), ArticulatedModel("box", KinematicChain(("box",), ()), (box,))):
         for modalities in (["region"], ["region", "keypoints"])[: 2 if model.chain.n_axes else 1]:
-            warm_up(_rig(), model, from_dict({"modalities": modalities}))
+            warm_up.warm_up(_rig(), model, from_dict({"modalities": modalities}))
 
 
 def _rig() -> Any:

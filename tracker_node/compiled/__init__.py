@@ -1,1 +1,4 @@
-"""Functions that are compiled to machine code: `kernels` has their decorator, `ahead` compiles those of a tracker at once."""
+"""Functions that are compiled to machine code.
+
+Begin with `kernels`, which has their decorator; `ahead` compiles those of a usual tracker on all processors.
+"""

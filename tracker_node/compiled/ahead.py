@@ -1,11 +1,12 @@
 """Compiles the functions of a usual tracker on all processors, before they are called one after the other on one.
 
-`kernels.json` lists them, callees first, as `tools/list_kernels.py` has found them. Each is compiled once its callees are, by this
-process or one of its helpers, which find each other's machine code on disk. What is not listed is compiled when it is called.
+`kernels.json` lists them, callees first, as `tools/list_kernels.py` has found them. Each is compiled once its callees are, by
+this process or one of its helpers, which find each other's machine code on disk. Others are compiled when they are called.
 """
 
 from __future__ import annotations
 
+import ast
 import heapq
 import importlib
 import json
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from numba import types as numba_types
+from numba.core.errors import NumbaError
 
 from .kernels import is_kept
 
@@ -32,14 +34,25 @@ Progress = Callable[[int, int], None]
 """Called with how many functions are compiled, and how many there are to compile."""
 
 
-class _Literals:
-    """What ``Literal[int](3)`` means."""
-
-    def __getitem__(self, kind: type) -> Callable[[Any], Any]:
-        return numba_types.literal
-
-
-_AS_WRITTEN = {**vars(numba_types), "bool": numba_types.boolean, "omitted": lambda default: numba_types.Omitted(default), "Literal": _Literals()}
+def _read(node: ast.expr) -> Any:
+    """What a node of a numba type, written as Python, stands for: ``UniTuple(float64, 3)``, ``Literal[int](3)``."""
+    match node:
+        case ast.Constant():
+            return node.value
+        case ast.Name(id="bool"):
+            return numba_types.boolean
+        case ast.Name():
+            return getattr(numba_types, node.id)
+        case ast.Tuple():
+            return tuple(_read(each) for each in node.elts)
+        case ast.Call(func=ast.Subscript()):
+            return numba_types.literal(_read(node.args[0]))
+        case ast.Call(func=ast.Name(id="omitted")):
+            return numba_types.Omitted(_read(node.keywords[0].value))
+        case ast.Call():
+            named = {str(each.arg): _read(each.value) for each in node.keywords}
+            return _read(node.func)(*(_read(each) for each in node.args), **named)
+    raise ValueError(f"expected a numba type, got {ast.unparse(node)}")
 
 
 @dataclass(frozen=True)
@@ -62,7 +75,7 @@ class Kernel:
     @property
     def types(self) -> tuple:
         """The numba types of its arguments."""
-        return eval(self.arguments, dict(_AS_WRITTEN))
+        return _read(ast.parse(self.arguments, mode="eval").body)
 
     @property
     def dispatcher(self) -> Any:
@@ -70,9 +83,17 @@ class Kernel:
         module, _, name = self.name.partition(":")
         return getattr(importlib.import_module(f"{_PACKAGE}.{module}"), name)
 
+    def is_kept(self) -> bool:
+        """Whether there is nothing to compile: there is machine code of it, or it is gone since it was listed."""
+        try:
+            return is_kept(self.dispatcher, self.types)
+        except (AttributeError, ImportError):
+            return True
+
     def compile(self) -> None:
-        """Compile it, or load what has been compiled."""
-        self.dispatcher.compile(self.types)
+        """Compile it, or load what has been compiled; one that takes other arguments by now is left for when it is called."""
+        with suppress(NumbaError, TypeError):
+            self.dispatcher.compile(self.types)
 
 
 @cache
@@ -95,7 +116,7 @@ def compile_ahead(progress: Progress | None = None, processes: int | None = None
     """
     n = len(os.sched_getaffinity(0)) if processes is None else processes
     kernels = listed()
-    missing = [i for i, kernel in enumerate(kernels) if not is_kept(kernel.dispatcher, kernel.types)]
+    missing = [i for i, kernel in enumerate(kernels) if not kernel.is_kept()]
     if missing:
         _together(_Work(kernels, missing, progress), n)
     return len(missing)

@@ -150,7 +150,7 @@ def forward_kinematics(parents, offsets, axis_start, axis_count, directions, T_w
                 turned[i, 0] = r0 * e00 + r1 * e10 + r2 * e20
                 turned[i, 1] = r0 * e01 + r1 * e11 + r2 * e21
                 turned[i, 2] = r0 * e02 + r1 * e12 + r2 * e22
-            rotation[:, :] = turned
+            rotation, turned = turned, rotation
         for i in range(3):
             for j in range(3):
                 Ts_world_link[link, i, j] = rotation[i, j]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..camera.rig import CameraRig
+from ..compiled.ahead import compile_ahead
 from ..errors import TrackerError, without_password
 from ..loaders.bag.message_types import KEYPOINTS as KEYPOINTS_MESSAGE
 from ..loaders.bag.reader import BagReader
@@ -22,7 +23,7 @@ from ..model.configuration import State
 from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
 from ..observation.joint_states import JointStates
-from ..tracking.config import KEYPOINTS, TrackerConfig
+from ..tracking.config import KEYPOINTS, REGION, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
@@ -168,6 +169,8 @@ def run_offline(
         recorded = _recorded_of(run, rig, stream)
         for sentence in (*stream.errors, *stream.notes):
             tell(sentence)
+        if REGION in run.config.modalities:
+            compile_ahead(lambda done, n: tell(f"compiling {n} functions, once") if done == 1 else None)
         backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
         table = run.table if recorded is None else recorded.table
         tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)

@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from ..camera.rig import CameraRig, axes_equations
+from ..compiled.ahead import compile_ahead
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import CameraImage, ImageSet
 from ..render.raycast.raycaster import render_view
-from .config import InitializationConfig, TrackerConfig
+from .config import REGION, InitializationConfig, TrackerConfig
 from .tracker import Tracker
 
 _WIDTH_PX = 160
@@ -43,6 +44,8 @@ def warm_up(
     ------
     TrackerError : the configuration does not suit the body.
     """
+    if REGION in config.modalities:
+        compile_ahead()
     small = _small_rig(rig)
     configuration = Configuration(model, state or _in_the_middle(rig, model))
     brief = _brief(config)

@@ -84,7 +84,8 @@ def _draw_any(kinds, dims, T_cam_world, Ts_world_shape, params, limits, xs, ys, 
         if inside:
             pixel_box(params, box, limits, whole, pixels)
         else:
-            pixels[:] = whole
+            for i in range(4):
+                pixels[i] = whole[i]
         if pixels[2] <= pixels[0] or pixels[3] <= pixels[1]:
             continue
         draw_shape(kinds[s], bounds, coefficients, s + 1, xs, ys, pixels, corner, corner, buffer)

@@ -135,7 +135,12 @@ def keep_inside(rows, pixels, info, n, width, height):
     for j in range(n):
         if -0.5 <= pixels[j, U] < width - 0.5 and -0.5 <= pixels[j, V] < height - 0.5:
             if kept < j:
-                rows[kept], pixels[kept], info[kept] = rows[j], pixels[j], info[j]
+                for k in range(rows.shape[1]):
+                    rows[kept, k] = rows[j, k]
+                for k in range(pixels.shape[1]):
+                    pixels[kept, k] = pixels[j, k]
+                for k in range(info.shape[1]):
+                    info[kept, k] = info[j, k]
             kept += 1
     return kept
 

@@ -82,7 +82,11 @@ def _measure(expected, close, log_ratio, shapes, result):
             if shapes[j]:
                 here, found, ratio = here + expected[i, j], found + close[i, j], ratio + log_ratio[i, j]
         if here >= _LEAST_IN_CAMERA:
-            shares[n_seen] = found / here
+            at, share = n_seen, found / here
+            while at > 0 and shares[at - 1] > share:  # in order
+                shares[at] = shares[at - 1]
+                at -= 1
+            shares[at] = share
             n_seen, total, total_close, confidence = n_seen + 1, total + here, total_close + found, confidence + ratio
     if not n_seen:
         return False
@@ -92,7 +96,7 @@ def _measure(expected, close, log_ratio, shapes, result):
         if part >= _LEAST_OF_PART:
             worst = min(worst, close[:, j].sum() / part)
     share = total_close / total
-    result[0], result[1], result[2] = share, np.sort(shares[:n_seen])[n_seen // 2], confidence / total
+    result[0], result[1], result[2] = share, shares[n_seen // 2], confidence / total
     result[3] = worst if worst < np.inf else share
     return True
 

@@ -1,0 +1,92 @@
+"""Functions are compiled ahead: each after its callees, by several processes, and all that a tracker takes."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from tracker_node.compiled import ahead
+from tracker_node.compiled.ahead import Kernel, listed
+
+COMPILED = """
+from numba.core import event
+import tracker_node
+from tracker_node.compiled.ahead import compile_ahead
+
+class Listener(event.Listener):
+    names = set()
+    def on_start(self, event): pass
+    def on_end(self, event):
+        function = event.data["dispatcher"].py_func
+        if function.__module__.startswith("tracker_node"):
+            self.names.add(f"{function.__module__}.{function.__qualname__}")
+
+event.register("numba:compile", Listener())
+import sys
+sys.path.insert(0, sys.argv[1])
+import list_kernels
+list_kernels._track()
+print(*sorted(Listener.names))
+"""
+
+
+def test_the_list_names_functions_after_those_that_they_call():
+    kernels = listed()
+    assert len({(kernel.name, kernel.arguments) for kernel in kernels}) == len(kernels) > 100
+    for place, kernel in enumerate(kernels):
+        assert all(other < place for other in kernel.after)
+        assert len(kernel.types) == kernel.dispatcher.py_func.__code__.co_argcount
+
+
+@pytest.mark.long
+def test_after_it_a_tracker_compiles_nothing(tmp_path):
+    """Else the list is old: `tools/list_kernels.py` renews it."""
+    tools, environment = Path(__file__).parents[2] / "tools", {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    made = subprocess.run(
+        [sys.executable, str(tools / "compile_ahead.py")], env=environment, check=True, capture_output=True, text=True
+    )
+    assert f"{len(listed())} of {len(listed())}" in made.stderr
+    command = [sys.executable, "-c", COMPILED, str(tools)]
+    assert subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.split() == []
+
+
+def kernels(*after: tuple[int, ...], ms: int = 10) -> list[Kernel]:
+    return [Kernel(f"module:f{i}", "()", each, ms) for i, each in enumerate(after)]
+
+
+def test_callees_come_first_and_those_before_that_most_waits_for():
+    told = []
+    work = ahead._Work(kernels((), (), (1,), (2,), (0, 3)), range(5), lambda done, n: told.append((done, n)))
+    assert list(work) == [1, 2, 0, 3, 4] or list(work) == [1, 2, 3, 0, 4]
+    assert told == [(i, 5) for i in range(1, 6)]
+
+
+def test_callees_that_are_kept_are_not_waited_for():
+    assert list(ahead._Work(kernels((), (0,), (0, 1)), [2], None)) == [2]
+
+
+def test_who_ends_early_leaves_the_rest_to_others():
+    work, taken = ahead._Work(kernels((), (0,), (1,), (2,)), range(4), None), []
+    first = iter(work)
+    assert next(first) == 0
+    other = threading.Thread(target=lambda: taken.extend(work))
+    other.start()
+    first.close()
+    other.join(10.0)
+    assert taken == [1, 2, 3] and not other.is_alive()
+
+
+def test_what_is_gone_or_takes_other_arguments_by_now_is_left_out():
+    gone = Kernel("geometry.so3:nothing", "(float64,)", (), 1)
+    other = Kernel("geometry.so3:_exp", "(float64, float64, float64)", (), 1)
+    assert gone.is_kept() and Kernel("nowhere:f", "()", (), 1).is_kept()
+    other.compile()
+    assert not other.is_kept()
+
+
+def test_nothing_is_compiled_twice():
+    assert ahead.compile_ahead(processes=1) >= 0
+    assert ahead.compile_ahead(lambda done, n: pytest.fail("something was missing")) == 0
