@@ -31,7 +31,7 @@ def compiled(function: Callable | None = None, **options: Any) -> Any:
     Parameters
     ----------
     function : that is compiled; None: the decorator is called with ``options`` first.
-    options : of `numba.njit`.
+    **options : of `numba.njit`.
 
     Returns
     -------
