@@ -39,7 +39,8 @@ def compiled(function: Callable | None = None, **options: Any) -> Any:
     """
     if function is None:
         return lambda other: compiled(other, **options)
-    dispatcher = nb.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+    all_options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
+    dispatcher: Any = nb.njit(**all_options)(function)
     dispatcher._cache = _ContentCache(function)
     return dispatcher
 
