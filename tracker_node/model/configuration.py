@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -23,9 +23,9 @@ from .articulated import ArticulatedModel
 from .kinematic_chain import N_ROOT_DOF, forward_kinematics
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
-    """Root pose and joint angles (radians)."""
+    """Root pose and joint angles (radians); nothing of it changes."""
 
     T_world_root: np.ndarray
     joint_positions: np.ndarray
@@ -144,6 +144,21 @@ class Configuration:
         columns = v[None] + np.cross(w[None], points[:, None, :])  # (n, n_dof, 3)
         columns *= self.model.chain.link_moved_by[links][:, :, None]
         return np.swapaxes(columns, 1, 2)
+
+
+@lru_cache(maxsize=16)
+def configured(model: ArticulatedModel, state: State) -> Configuration:
+    """The model in a state, kept for those that ask for the same one shortly after.
+
+    Parameters
+    ----------
+    model, state : the body.
+
+    Returns
+    -------
+    Not to be written into.
+    """
+    return Configuration(model, state)
 
 
 ROOT_NAMES = ("x", "y", "z", "somersault", "tilt", "twist")

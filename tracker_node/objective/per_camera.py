@@ -13,7 +13,7 @@ import numpy as np
 from ..camera.rig import Camera
 from ..geometry import so3
 from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
+from ..model.configuration import Configuration, State, configured
 from ..render.contour import samples as cs
 from ..render.contour.generators import N_COLUMNS, world_spheres
 from ..render.shape_arrays import ShapeArrays
@@ -75,7 +75,7 @@ def bodies_seen(model: ArticulatedModel, state: State, offsets: Sequence[np.ndar
     -------
     One a camera; one and the same where there is no offset.
     """
-    common = Configuration(model, state)
+    common = configured(model, state)
     return [common if offset is None else moved_configuration(model, state, offset) for offset in offsets]
 
 

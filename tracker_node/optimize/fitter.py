@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
+from ..model.configuration import State, configured
 from ..objective.constraints.prior import Prior, SumObjective
 from ..objective.normal_equations import Comparison, Correspondences, LeastSquaresObjective, NormalEquations
 from .levenberg_marquardt import LevenbergMarquardtOptions, OptimizerResult, clip_to_limits, minimize, stepped
@@ -191,7 +191,7 @@ class Fitter:
 
     def _places(self, state: State) -> np.ndarray:
         """(n_shapes, 3) meters, world: where the parts are."""
-        return Configuration(self._model, state).Ts_world_shape[:, :3, 3]
+        return configured(self._model, state).Ts_world_shape[:, :3, 3]
 
 
 def _on_links(correspondences: Any, links: np.ndarray) -> Correspondences:

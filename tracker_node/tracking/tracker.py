@@ -13,7 +13,7 @@ import numpy as np
 from ..camera.rig import CameraRig, check_metres
 from ..errors import CalibrationError, TrackerError
 from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
+from ..model.configuration import State, configured
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.constraints.prior import Prior
@@ -401,7 +401,7 @@ class Tracker:
 
     def _spins(self, state: State) -> list[np.ndarray]:
         """Tangents (n_dof,) along which no image tells how the body is turned."""
-        return self._symmetry.spins(Configuration(self.model, state)) if self._symmetry.has_spins else []
+        return self._symmetry.spins(configured(self.model, state)) if self._symmetry.has_spins else []
 
     def _turned_otherwise(self, sigma_rad: float) -> str:
         """Why the body may be turned otherwise, if its turn was known to ``sigma_rad`` when it was found; else "" """
@@ -592,7 +592,7 @@ class Tracker:
             H[np.diag_indices(n)] += (1.0 - weights**2) * np.concatenate([np.zeros(N_ROOT_DOF), 12.0 / ranges**2])
         if evidence is not None and weights is not None:
             evidence = evidence.weighted(weights, self.model.chain.link_moved_by)
-        return fit_covariance(H, evidence, Configuration(self.model, state))
+        return fit_covariance(H, evidence, configured(self.model, state))
 
     def _accept(
         self, stamp_ns: int, state: State, information: np.ndarray | None, assessment: Assessment, first: bool

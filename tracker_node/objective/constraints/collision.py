@@ -8,7 +8,7 @@ import numpy as np
 
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import Configuration, State, configured
 from ...model.kinematic_chain import KinematicChain
 from ...model.shapes.primitives import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, nearest_on
 from ..normal_equations import NormalEquations
@@ -53,14 +53,14 @@ class CollisionObjective:
     def gaps(self, state: State) -> np.ndarray:
         """(n_pairs,) distance of each pair, meters; negative where they overlap more than allowed, +inf where they are plainly
         far apart."""
-        self._place(Configuration(self.model, state))
+        self._place(configured(self.model, state))
         gaps = np.empty(len(self.pairs))
         pair_gaps(self.pairs, self._world_capsules, self._world_bounds, self._starts, gaps)
         return gaps + self._allowed
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations at ``state``; ``count`` is the number of colliding pairs."""
-        configuration, chain = Configuration(self.model, state), self.model.chain
+        configuration, chain = configured(self.model, state), self.model.chain
         self._place(configuration)
         H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
         cost, count = add_collisions(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import Configuration, State, configured
 from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import camera_constants
@@ -52,7 +52,7 @@ class BodyPoints:
 
     def places(self, state: State) -> np.ndarray:
         """(n, 3) meters, world: where the points of a body in ``state`` are expected."""
-        T = Configuration(self.model, state).Ts_world_link[self.links]
+        T = configured(self.model, state).Ts_world_link[self.links]
         return np.einsum("nij,nj->ni", T[:, :3, :3], self.positions + self.means) + T[:, :3, 3]
 
     def __len__(self) -> int:
@@ -217,7 +217,7 @@ class KeypointCorrespondences:
         of_cameras = np.zeros((n_cameras, n_links, 6, 6)), np.zeros((n_cameras, n_links, 6))
         weights, squares = np.empty((n_points, n_cameras)), np.empty((n_points, n_cameras))
         offsets, information = np.empty((n_points, 3)), np.empty((n_points, 3, 3))
-        configuration = Configuration(body.model, state)
+        configuration = configured(body.model, state)
         cost, count = sum_points(
             self.observed, self._cameras, configuration.Ts_world_link, body.links, body.positions, body.means, body.priors,
             self._sharpness, (normal, gradient, *of_cameras), (offsets, information, weights, squares),

@@ -14,7 +14,7 @@ from ...render.contour.samples import CLASS, LINK, SHAPE, collect_samples, keep_
 from ...render.occluders import drop_covered
 from .correspondence import draw_lines, fill_lower, linearize_lines
 from .surfaces import shift_means
-from .table import LINE_NU, LINE_NV, LINE_U, LINE_V, LOG_RATIO, MEAN, POINT, PRECISION
+from .table import LINE_NU, LINE_NV, LINE_U, LINE_V, LOG_RATIO, MEAN, POINT, PRECISION, SHARP
 
 
 @compiled
@@ -109,6 +109,27 @@ def line_residuals(lines, info, n, Ts_link, camera, residuals):
         if ok:
             du, dv = u - lines[j, LINE_U], v - lines[j, LINE_V]
             residuals[j] = lines[j, LINE_NU] * du + lines[j, LINE_NV] * dv - lines[j, MEAN]
+
+
+@compiled
+def keep_sharp(lines, residuals, distances, variances, kept):
+    """Add absolute residuals and variances of lines that have a sharp contour to those of other cameras.
+
+    Parameters
+    ----------
+    lines, residuals : of `line_residuals`.
+    distances, variances : pixels, and pixels^2, added to.
+    kept : how many of them are in use.
+
+    Returns
+    -------
+    int : how many are.
+    """
+    for j in range(lines.shape[0]):
+        if lines[j, PRECISION] > SHARP:
+            distances[kept], variances[kept] = abs(residuals[j]), 1.0 / lines[j, PRECISION]
+            kept += 1
+    return kept
 
 
 @compiled

@@ -6,6 +6,7 @@ says that visibility has been decided: only contour samples that are seen in the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,9 +25,8 @@ from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import bodies_seen, camera_constants, cameras_by_body, serial
 from . import correspondence as kernel
-from .camera import N_EVIDENCE, correspond_camera, count_evidence, line_residuals, sum_camera
+from .camera import N_EVIDENCE, correspond_camera, count_evidence, keep_sharp, line_residuals, sum_camera
 from .surfaces import N_UNKNOWNS, Surfaces, SurfaceSums, sum_surfaces
-from .table import PRECISION, SHARP
 
 Offsets = Sequence[np.ndarray | None]
 """Per camera the tangent (n_dof,) from a state to where the body is when that camera exposes; None: where the state says."""
@@ -391,17 +391,15 @@ class LinesAt:
 
         What is left of the median absolute residual once the lines' variance is taken off: the error of the model and the rig.
         """
-        residuals, variances = [], []
-        for i, own in self._drawn.seeing:
-            precision = own.lines[:, PRECISION]
-            sharp = precision > SHARP
-            residuals.append(self.residuals[i][sharp])
-            variances.append(1.0 / precision[sharp])
-        together = np.concatenate(residuals) if residuals else np.zeros(0)
-        if together.size < _FEWEST_LINES:
+        seeing = self._drawn.seeing
+        n = sum(len(own.lines) for _, own in seeing)
+        distances, variances, n_sharp = np.empty(n), np.empty(n), 0
+        for i, own in seeing:
+            n_sharp = keep_sharp(own.lines, self.residuals[i], distances, variances, n_sharp)
+        if n_sharp < _FEWEST_LINES:
             return None
-        variance = (1.4826 * np.median(np.abs(together))) ** 2 - np.median(np.concatenate(variances))
-        return float(np.sqrt(max(variance, 0.0)))
+        variance = (1.4826 * _median(distances[:n_sharp])) ** 2 - _median(variances[:n_sharp])
+        return math.sqrt(max(variance, 0.0))
 
     @cached_property
     def residuals(self) -> dict[int, np.ndarray]:
@@ -412,3 +410,10 @@ class LinesAt:
             body = self.sums.bodies[i]
             line_residuals(own.lines, own.info, len(own.lines), body.Ts_world_link, own.camera, found[i])
         return found
+
+
+def _median(values: np.ndarray) -> float:
+    """Of values, which are put in another order; numpy's takes longer to find out what they are."""
+    half = values.size // 2
+    values.partition((half - 1, half))
+    return float(values[half] if values.size % 2 else 0.5 * (values[half - 1] + values[half]))

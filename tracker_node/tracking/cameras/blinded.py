@@ -72,18 +72,18 @@ class _View:
     """What one camera shows: its ``usual`` support, nan at first; what is the matter with it, for how many sets, since when, and
     its last share of what is usual."""
 
-    usual: float = np.nan
+    usual: float = math.nan
     picture: _Picture = field(default_factory=_Picture)
     kind: str | None = None
     sets: int = 0
     since_ns: int = 0
-    share: float = np.nan
+    share: float = math.nan
 
     def take(self, kind: str | None, stamp_ns: int, support: float, share: float) -> None:
         """Take in one set, of which it is known what is the matter."""
         if kind is None:
             self.sets = 0
-            self.usual = support if np.isnan(self.usual) else (1.0 - _RATE) * self.usual + _RATE * support
+            self.usual = support if math.isnan(self.usual) else (1.0 - _RATE) * self.usual + _RATE * support
             self.picture.learn()
         else:
             if self.kind is None:
@@ -144,14 +144,14 @@ class BlindedCameras:
             return
         self._latest_ns = stamp_ns
         self._look_at_pictures(images)
-        usual = np.array([view.usual for view in self._views])
-        for i, share in enumerate(_shares_of_usual(support, usual)):
+        usual, found = [view.usual for view in self._views], support.tolist()
+        for i, share in enumerate(_shares_of_usual(found, usual)):
             view = self._views[i]
             if view.is_left_out:
                 view.sets += 1
-            elif not np.isnan(share):
-                kind = BLIND if _is_by_chance(i, support, usual) else _kind(view.picture, share)
-                view.take(kind, stamp_ns, float(support[i]), float(share))
+            elif not math.isnan(share):
+                kind = BLIND if _is_by_chance(i, found, usual) else _kind(view.picture, share)
+                view.take(kind, stamp_ns, found[i], share)
         self.faults = tuple(
             CameraFault(name, view.kind, view.share, 0.0, view.since_ns)
             for name, view in zip(self._names, self._views, strict=True) if view.kind is not None and view.is_named
@@ -165,25 +165,28 @@ class BlindedCameras:
                 view.picture.look(image)
 
 
-def _shares_of_usual(support: np.ndarray, usual: np.ndarray) -> np.ndarray:
-    """(n_cameras,) of what is usual of a camera, in shares of what the others have; nan where nothing is to be said."""
-    told, typical = ~np.isnan(support), _median(usual)
-    usual = np.where(np.isnan(usual), _median(support) if np.isnan(typical) else typical, usual)  # a new one's by the others
-    shares = np.full(len(support), np.nan)
-    for i in np.flatnonzero(told):
-        others = told.copy()
-        others[i] = False
-        if not others.any() or _median(support[others]) < _LEAST_SUPPORT:
-            continue
-        shares[i] = support[i] / usual[i] / _median(support[others] / usual[others])
+def _shares_of_usual(support: Sequence[float], usual: Sequence[float]) -> list[float]:
+    """Of each camera, what is usual of it, in shares of what the others have; nan where nothing is to be said."""
+    typical = _median(usual)
+    of_new = _median(support) if math.isnan(typical) else typical
+    usual = [of_new if math.isnan(u) else u for u in usual]
+    shares = []
+    for i, own in enumerate(support):
+        others = [(s, u) for j, (s, u) in enumerate(zip(support, usual, strict=True)) if j != i and not math.isnan(s)]
+        tells = not math.isnan(own) and others and _median([s for s, _ in others]) >= _LEAST_SUPPORT
+        shares.append(_share(_share(own, usual[i]), _median([_share(s, u) for s, u in others])) if tells else math.nan)
     return shares
 
 
-def _is_by_chance(i: int, support: np.ndarray, usual: np.ndarray) -> bool:
+def _share(value: float, whole: float) -> float:
+    return value / whole if whole else math.inf
+
+
+def _is_by_chance(i: int, support: Sequence[float], usual: Sequence[float]) -> bool:
     """Whether a camera that has never proved itself finds hardly more than chance would, of what the others do see."""
-    others = _median(np.delete(support, i))
-    proved = usual[i] >= _PROVED * _median(np.delete(usual, i))
-    return bool(not proved and others > 2.0 * _CHANCE and support[i] < max(_CHANCE, _BLIND * others))
+    others = _median([*support[:i], *support[i + 1 :]])
+    proved = usual[i] >= _PROVED * _median([*usual[:i], *usual[i + 1 :]])
+    return not proved and others > 2.0 * _CHANCE and support[i] < max(_CHANCE, _BLIND * others)
 
 
 def _kind(picture: _Picture, share: float) -> str | None:
@@ -194,7 +197,7 @@ def _kind(picture: _Picture, share: float) -> str | None:
     return DEFOCUSED if share < _WEAK and picture.is_blurred else None
 
 
-def _median(values: np.ndarray) -> float:
+def _median(values: Sequence[float]) -> float:
     """Of those that are not nan; nan of none. Of a handful numpy takes twenty times as long."""
-    told = [value for value in values.tolist() if not math.isnan(value)]
+    told = [value for value in values if not math.isnan(value)]
     return median(told) if told else math.nan

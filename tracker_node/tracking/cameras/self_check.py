@@ -21,7 +21,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...geometry import so3
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import State, configured
 from ...objective.normal_equations import Comparison
 from ..estimate import DELAYED, TURNED, CameraFault
 
@@ -137,7 +137,7 @@ class SelfCheck:
 
     def _marginal(self, fit: Comparison, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(L, e) of all faults with the state eliminated, for one set; delays in seconds."""
-        configuration = Configuration(self._model, fit.state)
+        configuration = configured(self._model, fit.state)
         moved, twists = self._model.chain.link_moved_by, configuration.twists
         link_velocities = (moved * velocity) @ twists  # (l, 6)
         n_cameras, n_links = len(self._names), len(moved)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import Configuration, State, configured
 from ...observation.keypoints.crop import Crop
 from ..limbs.tree import limbs_of
 
@@ -29,7 +29,7 @@ def crops_of(model: ArticulatedModel, rig: CameraRig, state: State) -> list[Crop
     -------
     Pixels of each camera's image; None where it does not see the body.
     """
-    body, top = Configuration(model, state), _top_of_trunk(model)
+    body, top = configured(model, state), _top_of_trunk(model)
     root = state.T_world_root[:3, 3]
     up = root + _UP_M * state.T_world_root[:3, 2] if top is None else body.landmarks_world[top]
     points = np.vstack([root, up, body.landmarks_world, body.Ts_world_shape[:, :3, 3]])

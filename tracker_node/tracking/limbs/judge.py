@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from ...compiled.kernels import compiled
 from ...geometry import so3
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import State, configured
 from ...objective.lines.correspondences import PartEvidence
 from ..config import StatusConfig
 from ..estimate import LimbReport, LimbStatus, Status
@@ -116,6 +117,7 @@ class LimbJudge:
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
         self._known_m = _KNOWN_OF_THING * thing_size(model)
+        self._sigmas_of: tuple[Any, Any, np.ndarray] = None, None, np.zeros(0)  # of which state and covariance, the last ones
         self.reset()
 
     def reset(self) -> None:
@@ -298,7 +300,7 @@ class LimbJudge:
         -------
         (3,) meters, world.
         """
-        T = Configuration(self._model, state).Ts_world_link[self.limbs[i].end]
+        T = configured(self._model, state).Ts_world_link[self.limbs[i].end]
         return T[:3, :3] @ self.limbs[i].tip + T[:3, 3]
 
     @property
@@ -321,14 +323,18 @@ class LimbJudge:
         -------
         (n_limbs,) meters, the standard deviation in the most uncertain direction.
         """
-        body = Configuration(self._model, state)
+        if self._sigmas_of[0] is state and self._sigmas_of[1] is covariance:
+            return self._sigmas_of[2]
+        body = configured(self._model, state)
         ends = [limb.end for limb in self.limbs]
         T, tips = body.Ts_world_link[ends], np.array([limb.tip for limb in self.limbs])
         places = np.einsum("nij,nj->ni", T[:, :3, :3], tips) + T[:, :3, 3]
         v, w = body.twists[:, :3], body.twists[:, 3:]
         J = (v - w @ np.swapaxes(so3.hat(places), 1, 2)) * self._model.chain.link_moved_by[ends][:, :, None]  # v + w x place
         variances = np.linalg.eigvalsh(np.swapaxes(J, 1, 2) @ covariance @ J)[:, -1]
-        return np.sqrt(np.maximum(variances, 0.0))
+        sigmas = np.sqrt(np.maximum(variances, 0.0))
+        self._sigmas_of = state, covariance, sigmas
+        return sigmas
 
     def doubt(self, evidence: PartEvidence, state: State, covariance: np.ndarray) -> str:
         """Whether a body without limbs may not quite be where it has been found.

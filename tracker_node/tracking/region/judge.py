@@ -16,7 +16,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import Configuration, State, configured
 from ...objective.contour_residual import assemble
 from ...objective.lines import correspondence as kernel
 from ...objective.lines.correspondences import LineCorrespondences, PartEvidence
@@ -98,7 +98,7 @@ class RegionJudge(Judge):
     def _turn_sigma(self, state: State, covariance: np.ndarray) -> float:
         """How well the turn of the body is known, radians, but for one about an axis of revolution."""
         told = np.eye(3)
-        for spin in symmetry_of(self._model).spins(Configuration(self._model, state)):
+        for spin in symmetry_of(self._model).spins(configured(self._model, state)):
             axis = spin[3:6] / np.linalg.norm(spin[3:6])
             told -= np.outer(axis, axis)
         return float(np.sqrt(max(np.linalg.eigvalsh(told @ covariance[3:6, 3:6] @ told)[-1], 0.0)))
@@ -127,7 +127,7 @@ class RegionJudge(Judge):
         """What the lines say of a fit, and its `fit_covariance`."""
         if self._known is None or self._known[0] is not fit:
             images = replace(self._errors.evidence(fit.correspondences, fit.state, self._fitting.share), modes=fit.modes)
-            body = Configuration(self._model, fit.state)
+            body = configured(self._model, fit.state)
             self._known = fit, images, fit_covariance(fit.equations.H, images, body)
         return self._known[1:]
 
@@ -187,7 +187,7 @@ class LineErrors:
         -------
         Information, and its covariance.
         """
-        chain, config, body = self._model.chain, self._config, Configuration(self._model, state)
+        chain, config, body = self._model.chain, self._config, configured(self._model, state)
         equations = lines.linearize(state)
         information = equations.H
         cameras, spread_px = lines.camera_equations(state), lines.at(state).spread_px

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import State, configured
 from ...model.humans.keypoints import relative_size
 from ...model.humans.surfaces import expected_surfaces
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, LineOptions, Offsets, PartEvidence, View
@@ -95,6 +95,7 @@ class RegionModality(Modality):
         self.n_learned = 0
         self.views: list[View | None] = [None] * len(rig)
         self._latest: LineCorrespondences | None = None  # lines last drawn in the present images
+        self._size: tuple[State, tuple[float, float]] | None = None  # in them, in the state last asked for
 
     @property
     def surfaces(self) -> np.ndarray | None:
@@ -129,7 +130,7 @@ class RegionModality(Modality):
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
         """Keep the images: lines are drawn where the fit needs them."""
-        self._delays, self._latest = delays, None
+        self._delays, self._latest, self._size = delays, None, None
         self.views = [None] * len(images) if expected is None else self.appearance.views(images, persons)
 
     def correspond(self, state: State, detail: LineDetail) -> LineCorrespondences:
@@ -204,7 +205,12 @@ class RegionModality(Modality):
 
         Such that the body has `_BODY_PX` pixels where no camera sees it.
         """
-        places = Configuration(self._model, state).Ts_world_shape[:, :3, 3]
+        if self._size is None or self._size[0] is not state:
+            self._size = state, self._size_in(state)
+        return self._size[1]
+
+    def _size_in(self, state: State) -> tuple[float, float]:
+        places = configured(self._model, state).Ts_world_shape[:, :3, 3]
         middle = places.mean(axis=0)
         reach = max(float(np.linalg.norm(places - middle, axis=1).max()), float(self._arrays.bounds[:, 3].max()))
         scales = []

@@ -20,7 +20,7 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State
+from ...model.configuration import State, configured
 from ...objective.constraints.prior import Prior
 from ...objective.lines import correspondence as kernel
 from ...objective.lines.correspondences import PartEvidence
@@ -91,7 +91,7 @@ def shifted(model: ArticulatedModel, rig: CameraRig, state: State) -> list[State
 
 
 def _middle(model: ArticulatedModel, state: State) -> np.ndarray:
-    return Configuration(model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
+    return configured(model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
 
 
 def _nearest(rig: CameraRig, middle: np.ndarray) -> Camera:
@@ -216,7 +216,7 @@ class RigidModes:
     def _modes(self, fit: LineFit, others: Iterable[LineFit]) -> list[_Mode]:
         """The best first; those that are worth it, and apart from the fit and each other."""
         own = self._measures(fit)
-        spins = symmetry_of(self._model).spins(Configuration(self._model, fit.state))  # no image tells them
+        spins = symmetry_of(self._model).spins(configured(self._model, fit.state))  # no image tells them
         modes = []
         for other in others:
             tangent = _without(other.state.difference(fit.state), spins)
