@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-_EVERY = 16  # pixel of a row, and row, is compared
+_EVERY = 16  # pixel of a row, and row, is compared...
+_LARGE = 1e6  # ...and fewer of an image of more pixels
 _DARK, _BRIGHT = 16.0, 245.0  # gray levels between which a pixel tells its light
 _LEAST_PIXELS = 40
 _MIDDLE = (0.35, 0.5, 0.65)  # quantiles of the ratios: who walks before a wall covers it in one image and bares it in the other
@@ -52,7 +53,8 @@ class Exposure:
         -------
         The image itself where its light is that of the first.
         """
-        now = image[::_EVERY, ::_EVERY].astype(np.float32)
+        every = _EVERY * max(round(np.sqrt(image.shape[0] * image.shape[1] / _LARGE)), 1)
+        now = image[::every, ::every].astype(np.float32)
         if self._before is None or self._before.shape != now.shape:
             self._before = now
             return image

@@ -71,6 +71,23 @@ def test_later_images_count_by_the_rate_and_in_their_region_alone():
     assert set(np.unique(blue[outside])) == {100}
 
 
+def test_of_a_large_image_rows_are_learnt_in_turn():
+    size, nothing = (1040, 1000), np.zeros((1040, 1000), np.uint8)
+    whole, here = (0, 0, 1000, 1040), np.zeros((4, 2))
+    room = RegionBackground([], 4.0, 0.5, 0)
+    room.learn(np.full((*size, 3), 100, np.uint8), whole, nothing, here)
+    assert (codes(room) > 0).all()  # what is first seen is seen at once
+    for _ in range(2):
+        room.learn(np.full((*size, 3), 108, np.uint8), whole, nothing, here)
+        blue = colors(room.packed[0])[:, 0, 0]
+        assert set(np.unique(blue)) <= {100, 106}  # two rates of a half: three quarters of the way
+    assert set(np.unique(blue)) == {106}
+    small = RegionBackground([np.full((*size, 3), 100, np.uint8)] * 2, 4.0, 0.5, 0)
+    small.learn(np.full((*size, 3), 108, np.uint8), (0, 0, 100, 100), nothing[:100, :100], here)
+    small.learn(np.full((*size, 3), 108, np.uint8), (0, 0, 100, 100), nothing[:100, :100], here)
+    assert len(np.unique(colors(small.packed[0])[:100, :100, 0])) == 1
+
+
 def test_a_room_that_does_not_change_stays():
     room = RegionBackground([image(100, 100, 100)], 4.0, 0.0, 0)
     before = room.packed[0].copy()

@@ -20,6 +20,7 @@ WAY_PX = 24.0  # that the body goes until a pixel that has stayed as it was is p
 _EARLY_PX, _LATER_PX = 2.0 * WAY_PX, 100.0  # after so long a way the whole image is looked at less often: after so much more
 _STEP_PX = 2.0  # less is noise of the fit, which does not add up to a way
 _MOVES, _STANDS = 0.8, 0.9  # fractions of the surroundings that stay, below and above which they move with the body, or do not
+_AT_ONCE = 520_000  # pixels that are learned from an image at most, in every so many rows, others by the next one
 _MEMORY, _AT_FIRST = 0.8, 500.0  # weight of what was counted before; pixels that are taken to stay before any is counted
 
 _SEEN, _PROVEN, _GIVEN = np.uint8(SEEN), np.uint8(1), np.uint8(2)
@@ -57,6 +58,7 @@ class RegionBackground:
         self._way, self._look_at_px = _Way(), 0.0
         self._stayed, self._changed, self._moves = 0.0, 0.0, False
         self._scene: SceneModel | None = None
+        self._turn = 0
         self.packed = NO_ROOM
         if backgrounds:
             self._begin(SceneModel.from_images(list(backgrounds), sigma))
@@ -69,7 +71,7 @@ class RegionBackground:
         return scene
 
     def learn(self, bgr: np.ndarray, region: Region, labels: np.ndarray, places: np.ndarray) -> None:
-        """Take in the region of an image; all of it at first, and whenever the body has gone far.
+        """Take in the region of an image; all of it at first, and whenever the body has gone far. Of a large one rows take turns.
 
         Parameters
         ----------
@@ -78,6 +80,7 @@ class RegionBackground:
         labels : (h, w) uint8 on the region, 0 beside the body.
         places : (n, 2) pixels of points of the body, the same in every image; those that are not finite do not count.
         """
+        first = self._scene is None
         scene = self._scene or self._begin(SceneModel(bgr.shape[0], bgr.shape[1], self._sigma))
         near, way_px, around = grown(labels, self._margin_px), self._way.to(places), region
         everywhere = way_px >= self._look_at_px
@@ -86,11 +89,17 @@ class RegionBackground:
             body[region[1] : region[3], region[0] : region[2]] = near
             near, region = body, self._all
             self._look_at_px = way_px + (WAY_PX if way_px < _EARLY_PX else _LATER_PX)
+        every = 1 if first else -(-(region[2] - region[0]) * (region[3] - region[1]) // _AT_ONCE)
+        self._turn += 1
+        rows, rate = (self._turn % every, every), np.float32(1.0 - (1.0 - self._rate) ** every if every > 1 else self._rate)
         stayed, changed = _learn(
-            bgr, region, around, near, scene.mean, scene.variance, scene.known, self._proofs, self._kept, self._kept_at_px,
-            np.float32(way_px), np.float32(self._rate), scene.floor, self._moves, not everywhere or self._moves,
+            bgr, region, rows, around, near, scene.mean, scene.variance, scene.known, self._proofs, self._kept, self._kept_at_px,
+            np.float32(way_px), rate, scene.floor, self._moves, not everywhere or self._moves,
         )  # fmt: skip
-        self._pack(self._all if self._turned(stayed, changed) else region)
+        if self._turned(stayed, changed):
+            self._pack(self._all)
+        else:
+            self._pack(region, rows)
 
     def _turned(self, stayed: int, changed: int) -> bool:
         """Whether the surroundings have turned out to move, or to stand still after all; by counts of pixels near the body."""
@@ -101,13 +110,13 @@ class RegionBackground:
             self._proofs[self._proofs == _PROVEN] = 0
         return self._moves != moved
 
-    def _pack(self, region: Region) -> None:
+    def _pack(self, region: Region, rows: tuple[int, int] = (0, 1)) -> None:
         scene = self._scene
         assert scene is not None
         if not self.packed[0].size:
             self.packed = np.zeros(scene.known.shape, dtype=np.uint32), float(scene.floor)
         trusted = self._proofs if self._moves else scene.known
-        _pack(scene.mean, scene.variance, trusted, region, np.float32(1.0 / scene.floor), self.packed[0])
+        _pack(scene.mean, scene.variance, trusted, region, rows, np.float32(1.0 / scene.floor), self.packed[0])
 
 
 class _Way:
@@ -138,11 +147,14 @@ class _Way:
 
 
 @compiled
-def _learn(bgr, region, around, near, mean, variance, known, proofs, kept, kept_at, way, rate, floor, moves, follow):
-    """Take in the pixels of a region that are not near the body; how many ``around`` it have stayed, and how many have not."""
+def _learn(bgr, region, rows, around, near, mean, variance, known, proofs, kept, kept_at, way, rate, floor, moves, follow):
+    """Take in the pixels of a region that are not near the body; how many ``around`` it have stayed, and how many have not.
+
+    ``rows``: the first one, and how far to the next.
+    """
     u0, v0, u1, v1 = region
     n_stayed, n_changed = 0, 0
-    for v in range(v0, v1):
+    for v in range(v0 + rows[0], v1, rows[1]):
         for u in range(u0, u1):
             if near[v - v0, u - u0] != 0:
                 continue
@@ -175,10 +187,10 @@ def _learn(bgr, region, around, near, mean, variance, known, proofs, kept, kept_
 
 
 @compiled
-def _pack(mean, variance, trusted, region, per_least, pixels):
+def _pack(mean, variance, trusted, region, rows, per_least, pixels):
     u0, v0, u1, v1 = region
     codes, per_step = np.zeros(u1 - u0, dtype=np.uint32), np.float32(1.0 / LOG_STEP)
-    for i in range(v0, v1):
+    for i in range(v0 + rows[0], v1, rows[1]):
         for k in range(np.uint64(codes.size)):  # by itself, for the sake of vectors
             steps = log_positive(max(variance[i, np.uint64(u0) + k] * per_least, _ONE)) * per_step
             codes[k] = np.uint32(min(steps + _ONE_AND_HALF, _LAST))

@@ -6,6 +6,7 @@ on line is mixed with the color that the model states, where the images bear tha
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from functools import lru_cache
@@ -23,6 +24,7 @@ _MOST_TOLD, _LEAST_DENSITY = 2.0, 1e-9  # of `distinctness`
 _MIX = 0.02  # a little of every color: none is impossible
 _DOUBTFUL = 0.3  # weight of surroundings that may be the body's
 _LEAST_COUNT = 20  # pixels; fewer do not count
+_AT_ONCE = 520_000  # pixels of which colors are learned
 _SHADED = 0.3  # of the surroundings of a thing that may cast a shadow
 _SHADOWS = (0.4, 0.5, 0.6, 0.7, 0.8)  # how bright they are there
 
@@ -260,6 +262,10 @@ class RegionColors:
             do darker shades of all surroundings; None: they do not.
         """
         u0, v0, u1, v1 = region
+        every = math.ceil(math.sqrt(labels.size / _AT_ONCE))  # pixel of a large image, and row, tells its colors as well
+        if every > 1:
+            labels, guard_px, reach_px = np.ascontiguousarray(labels[::every, ::every]), guard_px // every, reach_px // every
+            sure_px = None if sure_px is None else sure_px // every
         self._casts_shadow = sure_px is not None
         body = (labels > 0).view(np.uint8)
         square = np.ones((2 * guard_px + 1, 2 * guard_px + 1), dtype=np.uint8)
@@ -273,7 +279,7 @@ class RegionColors:
             self._was_reliable[self._classes[reliable]] = True
             self._was_unreliable[self._classes[~reliable]] = True
         counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
-        crop = bgr[v0:v1, u0:u1].copy()
+        crop = bgr[v0:v1:every, u0:u1:every].copy()
         count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
         if sure_px is not None and sure_px < guard_px:
             inside = np.ones((2 * sure_px + 1, 2 * sure_px + 1), dtype=np.uint8)

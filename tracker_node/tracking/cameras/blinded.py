@@ -18,7 +18,7 @@ import numpy as np
 
 from ..estimate import BLIND, DEFOCUSED, NOISY, CameraFault
 
-_EVERY_ROW = 32  # of an image is looked at
+_EVERY_ROW, _ROWS = 32, 20  # of an image is looked at, but no more than so many
 _SHARPEST = 0.9  # quantile of the second differences, beyond which they are of edges
 _NOISE_OF_EDGES = 3.06  # what noise alone has beyond that quantile, on average, in medians: both of absolute normal values
 _RATE = 0.05  # weight of the newest image set in what is usual
@@ -40,7 +40,7 @@ class _Picture:
 
     def look(self, image: np.ndarray) -> None:
         """Take in an (h, w, 3) image."""
-        row = image[::_EVERY_ROW, :, 1].astype(np.int16)
+        row = image[:: max(_EVERY_ROW, image.shape[0] // _ROWS), :, 1].astype(np.int16)
         second = np.abs(2 * row[:, 1:-1] - row[:, :-2] - row[:, 2:]).ravel()
         n = len(second)
         second.partition([int(0.4 * n), int(0.6 * n), int(_SHARPEST * n)])

@@ -19,7 +19,7 @@ from ...model.configuration import State, configured
 from ...render.shape_arrays import ShapeArrays
 from ..estimate import FROZEN, CameraFault
 
-_EVERY_ROW = 8  # of an image is compared
+_EVERY_ROW, _ROWS = 8, 60  # of an image is compared, but no more than so many
 _MOVED_PX = 0.5  # by which the body has to have moved since an image was new
 _NAMED_REPEATS = 2  # in a row, from which on a camera is named; one is left out, but may be a frame that was lost
 
@@ -68,7 +68,7 @@ class FrozenCameras:
         for i, image in enumerate(images):
             if image is None:
                 continue
-            rows, shown = image[::_EVERY_ROW], self._shown[i]
+            rows, shown = image[:: max(_EVERY_ROW, image.shape[0] // _ROWS)], self._shown[i]
             if shown is not None and _equal(rows, shown.rows) and (rows != rows[0, 0]).any():
                 shown.repeats += 1
                 repeated.append((i, shown))
