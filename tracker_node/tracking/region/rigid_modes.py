@@ -31,6 +31,7 @@ from .fitting import LineFit, RegionFitting
 ANGLES = (np.radians(8.0), np.radians(20.0))
 _AXES = 6
 _SHIFT = 0.12  # of the size
+N_TILTS, N_SHIFTS = len(ANGLES) * _AXES, 6
 _SCALES = (2.0, 1.0)  # pixels from place to place on the lines
 _FEW_CAMERAS = 2  # that see the body: more of them leave no such modes
 _LEAST_SAMPLES = 10  # of the outline, for a camera to see it
@@ -42,17 +43,18 @@ _LEAST_LINES = 0.8  # of those of the fit, that another must have to be compared
 _TAKEN, _DROPPED = 8.0, -6.0  # log odds of a mode against the fit
 
 
-def tilted(model: ArticulatedModel, rig: CameraRig, state: State) -> list[State]:
+def tilted(model: ArticulatedModel, rig: CameraRig, state: State, which: Iterable[int] = range(N_TILTS)) -> list[State]:
     """States whose root is tilted about axes across the line of sight of the nearest camera, its middle staying in place.
 
     Parameters
     ----------
     model, rig : body and cameras.
     state : that is tilted.
+    which : of the tilts, `_AXES` of each angle.
 
     Returns
     -------
-    One for each angle and axis.
+    One for each of ``which``.
     """
     middle = _middle(model, state)
     camera = _nearest(rig, middle)
@@ -62,31 +64,32 @@ def tilted(model: ArticulatedModel, rig: CameraRig, state: State) -> list[State]
     across /= np.linalg.norm(across)
     other = np.cross(sight, across)
     states = []
-    for angle in ANGLES:
-        for turn in np.arange(_AXES) * (2.0 * np.pi / _AXES):
-            axis = camera.T_world_cam[:3, :3] @ (np.cos(turn) * across + np.sin(turn) * other)
-            rotation = so3.exp(angle * axis)
-            T = state.T_world_root.copy()
-            T[:3, :3] = rotation @ T[:3, :3]
-            T[:3, 3] = middle + rotation @ (T[:3, 3] - middle)
-            states.append(State(T, state.joint_positions))
+    for i in which:
+        turn = (i % _AXES) * (2.0 * np.pi / _AXES)
+        axis = camera.T_world_cam[:3, :3] @ (np.cos(turn) * across + np.sin(turn) * other)
+        rotation = so3.exp(ANGLES[i // _AXES] * axis)
+        T = state.T_world_root.copy()
+        T[:3, :3] = rotation @ T[:3, :3]
+        T[:3, 3] = middle + rotation @ (T[:3, 3] - middle)
+        states.append(State(T, state.joint_positions))
     return states
 
 
-def shifted(model: ArticulatedModel, rig: CameraRig, state: State) -> list[State]:
+def shifted(model: ArticulatedModel, rig: CameraRig, state: State, which: Iterable[int] = range(N_SHIFTS)) -> list[State]:
     """States that are shifted along the axes of the nearest camera, by a part of the body's size.
 
     Parameters
     ----------
     model, rig : body and cameras.
     state : that is shifted.
+    which : of the shifts, two for each axis.
 
     Returns
     -------
-    Two for each axis.
+    One for each of ``which``.
     """
     axes, step = _nearest(rig, _middle(model, state)).T_cam_world[:3, :3], _SHIFT * thing_size(model)
-    moves = [sign * step * axis for axis in axes for sign in (-1.0, 1.0)]
+    moves = [(1.0 if i % 2 else -1.0) * step * axes[i // 2] for i in which]
     return [state.retract(np.concatenate([move, np.zeros(model.n_dof - 3)])) for move in moves]
 
 
@@ -206,12 +209,11 @@ class RigidModes:
         return replace(best, modes=np.stack([mode.tangent for mode in modes], axis=1) * shares)
 
     def _starts(self, state: State, everywhere: bool) -> list[State]:
-        every = tilted(self._model, self._rig, state) + shifted(self._model, self._rig, state)
-        if everywhere:
-            return every
-        turns = [every[(self._next + i * (len(every) // _AT_ONCE)) % len(every)] for i in range(_AT_ONCE)]
-        self._next = (self._next + 1) % len(every)
-        return turns
+        n = N_TILTS + N_SHIFTS
+        which = list(range(n)) if everywhere else [(self._next + i * (n // _AT_ONCE)) % n for i in range(_AT_ONCE)]
+        self._next += not everywhere
+        tilts, shifts = [i for i in which if i < N_TILTS], [i - N_TILTS for i in which if i >= N_TILTS]
+        return tilted(self._model, self._rig, state, tilts) + shifted(self._model, self._rig, state, shifts)
 
     def _modes(self, fit: LineFit, others: Iterable[LineFit]) -> list[_Mode]:
         """The best first; those that are worth it, and apart from the fit and each other."""
