@@ -47,17 +47,17 @@ class TextureModality(Modality):
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TextureConfig, workers: Workers):
         self._n_cameras, self._config = len(rig), config
         self.objective = TextureObjective(model, rig, workers=workers)
-        self._score: tuple[State, TextureScore] | None = None
+        self._scores: dict[State, TextureScore] = {}  # of the present images
 
     def reset(self) -> None:
         """Nothing is learned."""
-        self._score = None
+        self._scores.clear()
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
         """Halve the images again and again."""
-        self._score = None
+        self._scores.clear()
         self.objective.set_images([None] * self._n_cameras if expected is None else images)
 
     def correspond(self, state: State, detail: int) -> TextureLevel:
@@ -67,10 +67,10 @@ class TextureModality(Modality):
         return level
 
     def score(self, state: State) -> TextureScore:
-        """How far the images show the textures; that of the last state is kept."""
-        if self._score is None or self._score[0] is not state:
-            self._score = state, self.objective.evaluate(state)
-        return self._score[1]
+        """How far the present images show the textures; found once for each state."""
+        if state not in self._scores:
+            self._scores[state] = self.objective.evaluate(state)
+        return self._scores[state]
 
     def score_of(self, state: State) -> float:
         """From 0, images show the textures as they are, to 1."""
