@@ -48,7 +48,7 @@ def test_after_it_a_tracker_compiles_nothing(tmp_path):
     made = subprocess.run(
         [sys.executable, str(tools / "compile_ahead.py")], env=environment, check=True, capture_output=True, text=True
     )
-    assert f"{len(listed())} of {len(listed())}" in made.stderr
+    assert made.stdout.startswith(f"{len(listed())} functions in ") and not made.stderr
     command = [sys.executable, "-c", COMPILED, str(tools)]
     assert subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.split() == []
 
@@ -80,11 +80,20 @@ def test_who_ends_early_leaves_the_rest_to_others():
 
 
 def test_what_is_gone_or_takes_other_arguments_by_now_is_left_out():
-    gone = Kernel("geometry.so3:nothing", "(float64,)", (), 1)
-    other = Kernel("geometry.so3:_exp", "(float64, float64, float64)", (), 1)
-    assert gone.is_kept() and Kernel("nowhere:f", "()", (), 1).is_kept()
+    gone = ("geometry.so3:nothing", "(float64,)"), ("nowhere:f", "()")
+    for name, arguments in (*gone, ("geometry.so3:_exp", "(float64, float64)")):
+        assert Kernel(name, arguments, (), 1).is_kept()
+    other = Kernel("geometry.so3:_exp", "(float64,)", (), 1)
     other.compile()
     assert not other.is_kept()
+
+
+@pytest.mark.parametrize(("watched", "said"), [(True, "\rcompiling, once: 1 of 2\rcompiling, once: 2 of 2\n"), (False, "")])
+def test_progress_is_shown_to_who_may_be_watching(watched, said, monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: watched)
+    ahead.show_progress(1, 2)
+    ahead.show_progress(2, 2)
+    assert capsys.readouterr().err == said
 
 
 def test_nothing_is_compiled_twice():

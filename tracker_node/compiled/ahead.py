@@ -84,15 +84,16 @@ class Kernel:
         return getattr(importlib.import_module(f"{_PACKAGE}.{module}"), name)
 
     def is_kept(self) -> bool:
-        """Whether there is nothing to compile: there is machine code of it, or it is gone since it was listed."""
+        """Whether there is nothing to compile: there is machine code of it, or it is not any more as it was listed."""
         try:
-            return is_kept(self.dispatcher, self.types)
+            dispatcher, types = self.dispatcher, self.types
         except (AttributeError, ImportError):
             return True
+        return len(types) != dispatcher.py_func.__code__.co_argcount or is_kept(dispatcher, types)
 
     def compile(self) -> None:
         """Compile it, or load what has been compiled; one that takes other arguments by now is left for when it is called."""
-        with suppress(NumbaError, TypeError):
+        with suppress(NumbaError):
             self.dispatcher.compile(self.types)
 
 
@@ -100,6 +101,17 @@ class Kernel:
 def listed() -> tuple[Kernel, ...]:
     """All that `kernels.json` lists."""
     return tuple(Kernel(k["name"], k["arguments"], tuple(k["after"]), k["ms"]) for k in json.loads(LIST.read_text()))
+
+
+def show_progress(done: int, total: int) -> None:
+    """Say how far it is, on stderr, where somebody may be watching.
+
+    Parameters
+    ----------
+    done, total : functions.
+    """
+    if sys.stderr.isatty():
+        print(f"\rcompiling, once: {done} of {total}", end="\n" if done == total else "", file=sys.stderr, flush=True)
 
 
 def compile_ahead(progress: Progress | None = None, processes: int | None = None) -> int:

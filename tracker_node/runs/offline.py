@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..camera.rig import CameraRig
-from ..compiled.ahead import compile_ahead
+from ..compiled.ahead import compile_ahead, show_progress
 from ..errors import TrackerError, without_password
 from ..loaders.bag.message_types import KEYPOINTS as KEYPOINTS_MESSAGE
 from ..loaders.bag.reader import BagReader
@@ -169,8 +169,6 @@ def run_offline(
         recorded = _recorded_of(run, rig, stream)
         for sentence in (*stream.errors, *stream.notes):
             tell(sentence)
-        if REGION in run.config.modalities:
-            compile_ahead(lambda done, n: tell(f"compiling {n} functions, once") if done == 1 else None)
         backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
         table = run.table if recorded is None else recorded.table
         tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)
@@ -197,6 +195,8 @@ def run_offline(
             image_set = image_set if joint_states is None else with_joint_states(joint_states, image_set)
             return image_set if detection is None else detection.with_people(tracker, image_set)
 
+        if REGION in run.config.modalities:
+            compile_ahead(show_progress)
         loop = TrackingLoop(tracker, prepared)
         record = _Record(run.model)
         try:
