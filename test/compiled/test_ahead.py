@@ -1,9 +1,11 @@
 """Functions are compiled ahead: each after its callees, by several processes, and all that a tracker takes."""
 
 import os
+import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -77,6 +79,28 @@ def test_who_ends_early_leaves_the_rest_to_others():
     first.close()
     other.join(10.0)
     assert taken == [1, 2, 3] and not other.is_alive()
+
+
+def test_nothing_more_is_taken_once_it_is_stopped():
+    work = ahead._Work(kernels((), (0,), (1,)), range(3), None)
+    taken = iter(work)
+    assert next(taken) == 0
+    work.stop()
+    assert list(taken) == [] and list(work) == []
+
+
+def test_an_interruption_ends_it_and_its_helpers(tmp_path):
+    code = "from tracker_node.compiled.ahead import compile_ahead; print('begun', flush=True); compile_ahead(processes=2)"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    assert process.stdout.readline() == "begun\n"
+    time.sleep(3.0)
+    os.killpg(process.pid, signal.SIGINT)  # as the terminal does
+    _, errors = process.communicate(timeout=20.0)
+    assert errors.count("Traceback") == 1 and errors.rstrip().endswith("KeyboardInterrupt")
+    assert process.returncode in (-signal.SIGINT, 130)
 
 
 def test_what_is_gone_or_takes_other_arguments_by_now_is_left_out():

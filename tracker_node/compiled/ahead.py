@@ -28,6 +28,7 @@ from .kernels import is_kept
 
 LIST = Path(__file__).with_name("kernels.json")
 _PACKAGE = __package__.partition(".")[0]
+_MOST_PROCESSES = 4
 _PATIENCE_S = 120.0  # for a helper to end, once there is nothing more to do
 
 Progress = Callable[[int, int], None]
@@ -87,9 +88,9 @@ class Kernel:
         """Whether there is nothing to compile: there is machine code of it, or it is not any more as it was listed."""
         try:
             dispatcher, types = self.dispatcher, self.types
-        except (AttributeError, ImportError):
+            return len(types) != dispatcher.py_func.__code__.co_argcount or is_kept(dispatcher, types)
+        except (AttributeError, ImportError):  # also with NUMBA_DISABLE_JIT
             return True
-        return len(types) != dispatcher.py_func.__code__.co_argcount or is_kept(dispatcher, types)
 
     def compile(self) -> None:
         """Compile it, or load what has been compiled; one that takes other arguments by now is left for when it is called."""
@@ -120,13 +121,13 @@ def compile_ahead(progress: Progress | None = None, processes: int | None = None
     Parameters
     ----------
     progress : tells how far it is.
-    processes : that compile, this one among them; None: one a processor.
+    processes : that compile, this one among them; None: one a processor, up to four, of half a gigabyte each.
 
     Returns
     -------
     How many functions there were to compile.
     """
-    n = len(os.sched_getaffinity(0)) if processes is None else processes
+    n = min(len(os.sched_getaffinity(0)), _MOST_PROCESSES) if processes is None else processes
     kernels = listed()
     missing = [i for i, kernel in enumerate(kernels) if not kernel.is_kept()]
     if missing:
@@ -148,7 +149,13 @@ class _Work:
         self._ready = [(-self._behind[i], i) for i in missing if not self._waits[i]]
         heapq.heapify(self._ready)
         self._changed = threading.Condition()
-        self._at_work = 0
+        self._at_work, self._stopped = 0, False
+
+    def stop(self) -> None:
+        """Nothing more is to be compiled."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
 
     def __iter__(self) -> Iterator[int]:
         """Places in the list, as they may be compiled; one is done when the next is asked for."""
@@ -157,9 +164,9 @@ class _Work:
             with self._changed:
                 if i is not None:
                     self._finish(i)
-                while not self._ready and self._at_work:
+                while not self._ready and self._at_work and not self._stopped:
                     self._changed.wait()
-                if not self._ready:
+                if not self._ready or self._stopped:
                     return
                 i = heapq.heappop(self._ready)[1]
                 self._at_work += 1
@@ -187,10 +194,13 @@ def _together(work: _Work, processes: int) -> None:
     helpers = [threading.Thread(target=_by_helper, args=(work,)) for _ in range(processes - 1)]
     for helper in helpers:
         helper.start()
-    for i in work:
-        listed()[i].compile()
-    for helper in helpers:
-        helper.join()
+    try:
+        for i in work:
+            listed()[i].compile()
+    finally:  # also when interrupted
+        work.stop()
+        for helper in helpers:
+            helper.join()
 
 
 def _by_helper(work: _Work) -> None:
@@ -211,9 +221,10 @@ def _by_helper(work: _Work) -> None:
 
 def main() -> int:
     """Compile the functions whose places in the list come by standard input; each is answered by its place."""
-    for line in sys.stdin:
-        listed()[int(line)].compile()
-        print(line.strip(), flush=True)
+    with suppress(KeyboardInterrupt):  # who asks is interrupted as well
+        for line in sys.stdin:
+            listed()[int(line)].compile()
+            print(line.strip(), flush=True)
     return 0
 
 
