@@ -37,3 +37,9 @@ def test_a_missing_package_of_an_extra_is_named_with_the_line_that_installs_it()
     assert extra_module("json", "data").loads("1") == 1
     with pytest.raises(MissingExtraError, match=r"no_such_package is not installed; pip install 'tracker_node\[data\]'"):
         extra_module("no_such_package", "data")
+
+
+def test_names_of_fields_stay_in_one_line():
+    error = FileFormatError("recording.yaml", "sources.cam\n1\x07é", "a path", None)
+    assert str(error) == r"recording.yaml: field 'sources.cam\n1\x07é': expected a path, got None"
+    assert error.field == "sources.cam\n1\x07é"

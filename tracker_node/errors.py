@@ -42,7 +42,7 @@ class FileFormatError(TrackerError):
 
     def __init__(self, file: str | Path, field: str, expected: str, got: object, also: Iterable[str] = ()):
         self.file, self.field, self.expected, self.got = str(file), field, expected, got
-        first = f"field '{_cut(field, 300)}': expected {_cut(expected, 2000)}, got {shown(got)}"
+        first = f"field '{_cut(_in_one_line(field), 300)}': expected {_cut(expected, 2000)}, got {shown(got)}"
         super().__init__(f"{file}: {'; '.join([first, *also])}")
 
 
@@ -144,6 +144,11 @@ def shown(value: object) -> str:
         return _cut_in_the_middle(text, _LONGEST_TEXT) if isinstance(value, str) else _cut(text, _LONGEST_VALUE)
     except (RecursionError, ValueError):  # lists in lists without end; a number of thousands of digits
         return f"a {type(value).__name__} that is too long to be shown"
+
+
+def _in_one_line(text: str) -> str:
+    """A text with line breaks and what else cannot be printed escaped: names in files may be anything."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _cut_in_the_middle(text: str, limit: int) -> str:
