@@ -91,16 +91,29 @@ def test_nothing_more_is_taken_once_it_is_stopped():
 
 def test_an_interruption_ends_it_and_its_helpers(tmp_path):
     code = "from tracker_node.compiled.ahead import compile_ahead; print('begun', flush=True); compile_ahead(processes=2)"
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
+    process = started(["-c", code], tmp_path)
     assert process.stdout.readline() == "begun\n"
     time.sleep(3.0)
     os.killpg(process.pid, signal.SIGINT)  # as the terminal does
     _, errors = process.communicate(timeout=20.0)
-    assert errors.count("Traceback") == 1 and errors.rstrip().endswith("KeyboardInterrupt")
-    assert process.returncode in (-signal.SIGINT, 130)
+    assert errors.rstrip().endswith("KeyboardInterrupt") and process.returncode in (-signal.SIGINT, 130)
+
+
+def test_a_helper_that_is_interrupted_says_nothing(tmp_path):
+    process = started(["-m", "tracker_node.compiled.ahead"], tmp_path)
+    place = next(i for i, kernel in enumerate(listed()) if not kernel.after)
+    process.stdin.write(f"{place}\n")
+    process.stdin.flush()
+    assert process.stdout.readline() == f"{place}\n"
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=20.0)[1] == "" and process.returncode == 0
+
+
+def started(arguments: list[str], cache: Path) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, *arguments], env={**os.environ, "NUMBA_CACHE_DIR": str(cache)}, stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
 
 
 def test_what_is_gone_or_takes_other_arguments_by_now_is_left_out():
