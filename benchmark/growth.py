@@ -23,8 +23,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmark._reference import reference_ms
-from benchmark.contour._runs import WARM_UP, configured, image_set, print_circumstances
-from benchmark.contour.box import BLUR_PX, NOISE_LEVELS, rig_around
+from benchmark.contour._runs import WARM_UP, configured, print_circumstances
+from benchmark.contour.box import rig_around, sensed
 from tracker_node.camera.rig import CameraRig
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.geometry import se3, so3
@@ -143,11 +143,7 @@ def measured(case: Case, config: TrackerConfig, sets: int) -> tuple[np.ndarray, 
     with TargetStudio(rig, supersampling=1) as studio:
         for i in range(WARM_UP + sets):
             images = studio.images(Configuration(model, swung(model, phases, i / case.rate_hz)), backgrounds)
-            for k, image in enumerate(images):
-                noise = np.random.default_rng([5, k, i]).standard_normal(image.shape, dtype=np.float32)
-                blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX).astype(np.float32)
-                images[k] = np.clip(np.rint(blurred + NOISE_LEVELS * noise), 0, 255).astype(np.uint8)
-            one = image_set(rig, images, round(i * 1e9 / case.rate_hz))
+            one = sensed(rig, images, i, case.rate_hz)
             began = time.perf_counter()
             estimate = tracker.step(one)
             if i >= WARM_UP:

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -56,6 +57,8 @@ def _compiled() -> list[tuple[Any, tuple, float]]:
 
 
 def _track() -> None:
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    from benchmark.contour.box import rig_around
     from tracker_node.model.articulated import ArticulatedModel, Shape
     from tracker_node.model.humans.human import human_model
     from tracker_node.model.kinematic_chain import KinematicChain
@@ -63,25 +66,12 @@ def _track() -> None:
     from tracker_node.tracking import warm_up
     from tracker_node.tracking.config import from_dict
 
-    warm_up.compile_ahead = lambda: 0  # by what was listed before
+    warm_up.compile_ahead = lambda progress: 0  # by what was listed before
+    rig = rig_around([(0.0, 15.0), (90.0, 15.0), (200.0, 15.0)], distance_m=3.5)
     box = Shape("box", "box", Box((0.3, 0.2, 0.1)), np.eye(4), (200, 60, 40))
     for model in (human_model(), ArticulatedModel("box", KinematicChain(("box",), ()), (box,))):
         for modalities in (["region"], ["region", "keypoints"])[: 2 if model.chain.n_axes else 1]:
-            warm_up.warm_up(_rig(), model, from_dict({"modalities": modalities}))
-
-
-def _rig() -> Any:
-    from tracker_node.camera.model import CameraModel
-    from tracker_node.camera.rig import Camera, CameraRig
-    from tracker_node.geometry import se3, so3
-
-    K = np.array([[560.0, 0.0, 320.0], [0.0, 560.0, 240.0], [0.0, 0.0, 1.0]])
-    cameras = []
-    for i, azimuth in enumerate(np.radians([0.0, 90.0, 200.0])):
-        across = so3.exp(np.array([0.0, 0.0, azimuth])) @ np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-        T = se3.from_rotation_translation(across, -3.5 * across[:, 2] + [0.0, 0.0, 1.0])
-        cameras.append(Camera(f"cam{i}", CameraModel(640, 480, K), T))
-    return CameraRig(tuple(cameras))
+            warm_up.warm_up(rig, model, from_dict({"modalities": modalities}))
 
 
 def _rows(compiled: list[tuple[Any, tuple, float]]) -> Iterator[dict[str, Any]]:

@@ -111,13 +111,13 @@ def image_sets(rig: CameraRig, model: ArticulatedModel, states: list[State], see
             yield sensed(rig, studio.images(Configuration(model, state), backgrounds), number)
 
 
-def sensed(rig: CameraRig, images: list[np.ndarray], number: int) -> ImageSet:
+def sensed(rig: CameraRig, images: list[np.ndarray], number: int, rate_hz: float = RATE_HZ) -> ImageSet:
     """The image set of drawn images, with the lens's blur and the sensor's noise."""
     for i, image in enumerate(images):
         blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), BLUR_PX)
         noise = np.random.default_rng([5, i, number]).standard_normal(image.shape, dtype=np.float32)
         images[i] = np.clip(np.rint(blurred + NOISE_LEVELS * noise), 0, 255).astype(np.uint8)
-    return image_set(rig, images, round(number * 1e9 / RATE_HZ))
+    return image_set(rig, images, round(number * 1e9 / rate_hz))
 
 
 def displaced(

@@ -21,6 +21,7 @@ from .appearance_kernels import log_odds, update_scene
 Region = tuple[int, int, int, int]  # u0, v0, u1, v1; the last two exclusive
 
 BINS = 16  # per channel
+AT_ONCE = 520_000  # pixels that are learned from one image at most: of a larger one, fewer, or others with the next
 _SHIFT = 4  # a bin is 16 gray levels wide
 _BIN_VOLUME = float(1 << _SHIFT) ** 3
 _LOG_UNIFORM = -3.0 * math.log(256.0)  # density of a color about which nothing is known

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..camera.rig import CameraRig, axes_equations
-from ..compiled.ahead import compile_ahead
+from ..compiled.ahead import compile_ahead, show_progress
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
@@ -45,7 +45,7 @@ def warm_up(
     TrackerError : the configuration does not suit the body.
     """
     if REGION in config.modalities:
-        compile_ahead()
+        compile_ahead(show_progress)
     small = _small_rig(rig)
     configuration = Configuration(model, state or _in_the_middle(rig, model))
     brief = _brief(config)

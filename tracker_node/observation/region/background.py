@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...compiled.kernels import compiled
-from ..appearance import SEEN, Region, SceneModel, grown
+from ..appearance import AT_ONCE, SEEN, Region, SceneModel, grown
 from ..appearance_kernels import log_positive
 
 LOG_STEP = math.log(1.03)  # of the variance, from one value of its byte to the next
@@ -20,7 +20,6 @@ WAY_PX = 24.0  # that the body goes until a pixel that has stayed as it was is p
 _EARLY_PX, _LATER_PX = 2.0 * WAY_PX, 100.0  # after so long a way the whole image is looked at less often: after so much more
 _STEP_PX = 2.0  # less is noise of the fit, which does not add up to a way
 _MOVES, _STANDS = 0.8, 0.9  # fractions of the surroundings that stay, below and above which they move with the body, or do not
-_AT_ONCE = 520_000  # pixels that are learned from an image at most, in every so many rows, others by the next one
 _MEMORY, _AT_FIRST = 0.8, 500.0  # weight of what was counted before; pixels that are taken to stay before any is counted
 
 _SEEN, _PROVEN, _GIVEN = np.uint8(SEEN), np.uint8(1), np.uint8(2)
@@ -89,7 +88,7 @@ class RegionBackground:
             body[region[1] : region[3], region[0] : region[2]] = near
             near, region = body, self._all
             self._look_at_px = way_px + (WAY_PX if way_px < _EARLY_PX else _LATER_PX)
-        every = 1 if first else -(-(region[2] - region[0]) * (region[3] - region[1]) // _AT_ONCE)
+        every = 1 if first else -(-(region[2] - region[0]) * (region[3] - region[1]) // AT_ONCE)  # rows take turns
         self._turn += 1
         rows, rate = (self._turn % every, every), np.float32(1.0 - (1.0 - self._rate) ** every if every > 1 else self._rate)
         stayed, changed = _learn(

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
-from ..appearance import BINS, Region, count_colors, spread_counts
+from ..appearance import AT_ONCE, BINS, Region, count_colors, spread_counts
 
 N_COLORS = BINS**3
 UNIFORM = 1.0 / N_COLORS
@@ -24,7 +24,6 @@ _MOST_TOLD, _LEAST_DENSITY = 2.0, 1e-9  # of `distinctness`
 _MIX = 0.02  # a little of every color: none is impossible
 _DOUBTFUL = 0.3  # weight of surroundings that may be the body's
 _LEAST_COUNT = 20  # pixels; fewer do not count
-_AT_ONCE = 520_000  # pixels of which colors are learned
 _SHADED = 0.3  # of the surroundings of a thing that may cast a shadow
 _SHADOWS = (0.4, 0.5, 0.6, 0.7, 0.8)  # how bright they are there
 
@@ -262,7 +261,7 @@ class RegionColors:
             do darker shades of all surroundings; None: they do not.
         """
         u0, v0, u1, v1 = region
-        every = math.ceil(math.sqrt(labels.size / _AT_ONCE))  # pixel of a large image, and row, tells its colors as well
+        every = math.ceil(math.sqrt(labels.size / AT_ONCE))  # pixel of a large image, and row, tells its colors as well
         if every > 1:
             labels, guard_px, reach_px = np.ascontiguousarray(labels[::every, ::every]), guard_px // every, reach_px // every
             sure_px = None if sure_px is None else sure_px // every
