@@ -27,7 +27,7 @@ from .drawing import (
     LABEL_BITS,
     LANES,
     NORMAL_0,
-    NORMAL_W,
+    NORMAL_ROOT,
     NORMAL_X,
     NORMAL_Y,
     PLANES,
@@ -108,7 +108,7 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
     n0x, n0y, n0z = surface[NORMAL_0], surface[NORMAL_0 + 1], surface[NORMAL_0 + 2]
     nxx, nxy, nxz = surface[NORMAL_X], surface[NORMAL_X + 1], surface[NORMAL_X + 2]
     nyx, nyy, nyz = surface[NORMAL_Y], surface[NORMAL_Y + 1], surface[NORMAL_Y + 2]
-    nwx, nwy, nwz = surface[NORMAL_W], surface[NORMAL_W + 1], surface[NORMAL_W + 2]
+    nwx, nwy, nwz = surface[NORMAL_ROOT], surface[NORMAL_ROOT + 1], surface[NORMAL_ROOT + 2]
     cx, cy, cz = surface[CAP], surface[CAP + 1], surface[CAP + 2]
     red, green, blue = surface[COLOR], surface[COLOR + 1], surface[COLOR + 2]
     base_r, base_g, base_b = base[0], base[1], base[2]
@@ -131,10 +131,10 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
         pixel = view[PLANES] + v * width
         for u in range(max(spans[v, 0], 1), min(spans[v, 1], last_column), LANES):
             at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u * distorted), np.uint64(row + u)
-            kept = _ZERO
+            shown = False
             for i in range(_N):
-                kept += _ONE if (buffer[at + i] & low_bits) == tag else _ZERO
-            if kept == _ZERO:
+                shown |= (buffer[at + i] & low_bits) == tag
+            if not shown:
                 continue
             at_red, at_green = np.uint64(pixel + u), np.uint64(pixel + size + u)
             at_blue = np.uint64(pixel + 2 * size + u)
@@ -150,16 +150,17 @@ def _linearize_smooth(form, c, surface, label, view, rays, planes, box, spans, o
                 xn, yn = xn if mine else x0, yn if mine else y0  # where there is no ray, it is not a number
                 x, y = xn - x0, yn - y0
                 q = q00 + x * (q10 + q20 * x + q11 * y) + y * (q01 + q02 * y)
-                curved = l0 + l1 * x + l2 * y + np.sqrt(q if q > _ZERO else _ZERO)
+                root = np.sqrt(q if q > _ZERO else _ZERO)
+                curved = l0 + l1 * x + l2 * y + root
                 high = h0 + h1 * x + h2 * y
                 cap = high < curved
                 w = high if cap else curved
                 r, g, b = base_r, base_g, base_b
                 rx, ry, rz, gx, gy, gz, bx, by, bz = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
                 if n_lights > 0:
-                    nx = n0x + nxx * x + nyx * y + nwx * w
-                    ny = n0y + nxy * x + nyy * y + nwy * w
-                    nz = n0z + nxz * x + nyz * y + nwz * w
+                    nx = n0x + nxx * x + nyx * y + nwx * root
+                    ny = n0y + nxy * x + nyy * y + nwy * root
+                    nz = n0z + nxz * x + nyz * y + nwz * root
                     inverse = _ONE / np.sqrt(nx * nx + ny * ny + nz * nz)
                     nx, ny, nz = cx if cap else nx * inverse, cy if cap else ny * inverse, cz if cap else nz * inverse
                     for k in range(n_lights):

@@ -23,9 +23,10 @@ LANES = 16
 FAST = {"contract", "nsz", "arcp", "reassoc"}  # but not-a-number keeps its meaning: it is the ray of a pixel that does not exist
 LABEL_BITS = 255
 _ZERO, _ONE, _FULL = np.float32(0.0), np.float32(1.0), np.float32(255.0)
+_FAR = np.float32(0.5 * BIG)
 
 # Columns of a surface: what shades a pixel of a shape
-NORMAL_0, NORMAL_X, NORMAL_Y, NORMAL_W, CAP, COLOR, N_SURFACE = 0, 3, 6, 9, 12, 15, 18
+NORMAL_0, NORMAL_X, NORMAL_Y, NORMAL_ROOT, CAP, COLOR, N_SURFACE = 0, 3, 6, 9, 12, 15, 18
 
 _N = np.uint64(LANES)
 
@@ -168,10 +169,11 @@ def _smooth_coefficients(kind, dims, T, c, surface):
     c[QUADRATIC + 3] = g1 * g1 - a00 * inverse
     c[QUADRATIC + 4] = 2.0 * (g1 * g2 - a01 * inverse)
     c[QUADRATIC + 5] = g2 * g2 - a11 * inverse
-    surface[NORMAL_0], surface[NORMAL_0 + 1], surface[NORMAL_0 + 2] = rx, ry, rz
-    surface[NORMAL_X], surface[NORMAL_X + 1], surface[NORMAL_X + 2] = a00, a01, a02
-    surface[NORMAL_Y], surface[NORMAL_Y + 1], surface[NORMAL_Y + 2] = a01, a11, a12
-    surface[NORMAL_W], surface[NORMAL_W + 1], surface[NORMAL_W + 2] = -gx, -gy, -gz
+    # With w = g0 + g1 x + g2 y + root the large parts of A r - g w cancel here, in double precision
+    surface[NORMAL_0], surface[NORMAL_0 + 1], surface[NORMAL_0 + 2] = rx - gx * g0, ry - gy * g0, rz - gz * g0
+    surface[NORMAL_X], surface[NORMAL_X + 1], surface[NORMAL_X + 2] = a00 - gx * g1, a01 - gy * g1, a02 - gz * g1
+    surface[NORMAL_Y], surface[NORMAL_Y + 1], surface[NORMAL_Y + 2] = a01 - gx * g2, a11 - gy * g2, a12 - gz * g2
+    surface[NORMAL_ROOT], surface[NORMAL_ROOT + 1], surface[NORMAL_ROOT + 2] = -gx, -gy, -gz
     for i in range(UPPER, LOWER + 6):
         c[i] = 0.0
     c[UPPER], c[LOWER], c[LOWER + 3] = BIG, -BIG, -BIG
@@ -289,24 +291,56 @@ def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
     b0, b1, b2 = c[LOWER + 3], c[LOWER + 4], c[LOWER + 5]
     tag, upper_bits = np.int32(label), np.int32(~LABEL_BITS)
     distorted, width = view[DISTORTED], view[WIDTH]
+    bounded = b0 > -_FAR or a0 > -_FAR
     for v in range(box[1], box[3]):
         x_start = view[XS] + v * (width + LANES) * distorted
         y_start = view[YS] + v * (width + LANES if distorted else LANES)
         row = (v - origin[1]) * stride - origin[0]
-        for u in range(spans[v, 0], spans[v, 1], LANES):
-            at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u * distorted), np.uint64(row + u)
-            for i in range(_N):
-                x, y = rays[at_x + i] - x0, rays[at_y + i] - y0
-                q = q00 + x * (q10 + q20 * x + q11 * y) + y * (q01 + q02 * y)
-                root = np.sqrt(q if q > _ZERO else _ZERO)
-                line = l0 + l1 * x + l2 * y
-                high = h0 + h1 * x + h2 * y
-                low_a, low_b = a0 + a1 * x + a2 * y, b0 + b1 * x + b2 * y
-                enter, leave = line + root, line - root
-                enter = enter if enter < high else high
-                leave = leave if leave > low_a else low_a
-                leave = leave if leave > low_b else low_b
-                packed = (np.float32(enter).view(np.int32) & upper_bits) | tag
-                hit = (q > _ZERO) & (enter > leave) & (enter > _ZERO)
-                packed = packed if hit else np.int32(0)
-                buffer[at + i] = packed if packed > buffer[at + i] else buffer[at + i]
+        if distorted:
+            for u in range(spans[v, 0], spans[v, 1], LANES):
+                at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u), np.uint64(row + u)
+                for i in range(_N):
+                    x, y = rays[at_x + i] - x0, rays[at_y + i] - y0
+                    q = q00 + x * (q10 + q20 * x + q11 * y) + y * (q01 + q02 * y)
+                    root = np.sqrt(q if q > _ZERO else _ZERO)
+                    line = l0 + l1 * x + l2 * y
+                    high = h0 + h1 * x + h2 * y
+                    low_a, low_b = a0 + a1 * x + a2 * y, b0 + b1 * x + b2 * y
+                    enter, leave = line + root, line - root
+                    enter = enter if enter < high else high
+                    leave = leave if leave > low_a else low_a
+                    leave = leave if leave > low_b else low_b
+                    packed = (np.float32(enter).view(np.int32) & upper_bits) | tag
+                    hit = (q > _ZERO) & (enter > leave) & (enter > _ZERO)
+                    packed = packed if hit else np.int32(0)
+                    buffer[at + i] = packed if packed > buffer[at + i] else buffer[at + i]
+            continue
+        y = rays[y_start] - y0  # the same along the row, and with it all that depends on it alone
+        qv0, qv1, lv = q00 + y * (q01 + q02 * y), q10 + q11 * y, l0 + l2 * y
+        if bounded:
+            hv, av, bv = h0 + h2 * y, a0 + a2 * y, b0 + b2 * y
+            for u in range(spans[v, 0], spans[v, 1], LANES):
+                at_x, at = np.uint64(x_start + u), np.uint64(row + u)
+                for i in range(_N):
+                    x = rays[at_x + i] - x0
+                    q = qv0 + x * (qv1 + q20 * x)
+                    root = np.sqrt(q if q > _ZERO else _ZERO)
+                    line, high, low_a, low_b = lv + l1 * x, hv + h1 * x, av + a1 * x, bv + b1 * x
+                    enter, leave = line + root, line - root
+                    enter = enter if enter < high else high
+                    leave = leave if leave > low_a else low_a
+                    leave = leave if leave > low_b else low_b
+                    packed = (np.float32(enter).view(np.int32) & upper_bits) | tag
+                    hit = (q > _ZERO) & (enter > leave) & (enter > _ZERO)
+                    packed = packed if hit else np.int32(0)
+                    buffer[at + i] = packed if packed > buffer[at + i] else buffer[at + i]
+        else:
+            for u in range(spans[v, 0], spans[v, 1], LANES):
+                at_x, at = np.uint64(x_start + u), np.uint64(row + u)
+                for i in range(_N):
+                    x = rays[at_x + i] - x0
+                    q = qv0 + x * (qv1 + q20 * x)
+                    enter = lv + l1 * x + np.sqrt(q if q > _ZERO else _ZERO)
+                    packed = (np.float32(enter).view(np.int32) & upper_bits) | tag
+                    packed = packed if (q > _ZERO) & (enter > _ZERO) else np.int32(0)
+                    buffer[at + i] = packed if packed > buffer[at + i] else buffer[at + i]

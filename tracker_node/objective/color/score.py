@@ -25,7 +25,7 @@ from ...render.raycast.coefficients import N_COEFFICIENTS
 from ..gains import squares_left
 from . import drawing as kernel
 from .any_shapes import score_with_cast
-from .score_kernels import IMAGE_SQUARES, MODEL_SQUARES, N_TOTALS, PRODUCTS, form_of, score_states
+from .score_kernels import IMAGE_SQUARES, MODEL_SQUARES, N_LIGHT_WORK, N_TOTALS, PRODUCTS, form_of, score_states
 from .views import EXCHANGE, ColorConstants, ColorViews, every_nth, is_pinhole, lying
 
 
@@ -125,7 +125,7 @@ class ColorObjective:
             (
                 np.zeros((n, N_COEFFICIENTS), dtype=np.float32), np.zeros((n, kernel.N_SURFACE), dtype=np.float32),
                 np.zeros((n, 4), dtype=np.int64), np.zeros((n, height, 2), dtype=np.int32),
-                np.zeros(constants.directed.size, dtype=np.float32),
+                np.zeros(len(constants.directed) * N_LIGHT_WORK, dtype=np.float32),
                 np.zeros(largest + kernel.LANES, dtype=np.int32),
             )
             for _ in range(self.workers.threads)

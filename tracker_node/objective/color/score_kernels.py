@@ -12,7 +12,7 @@ import numpy as np
 
 from ...camera.light import COS_INNER, COS_OUTER, DIRECTION, INTENSITY, N_LIGHT_COLUMNS, POSITION
 from ...compiled.kernels import compiled
-from ...render.raycast.coefficients import LINE, ORIGIN, QUADRATIC, UPPER
+from ...render.raycast.coefficients import BIG, LINE, ORIGIN, QUADRATIC, UPPER
 from .drawing import (
     ALL_SMOOTH,
     CAP,
@@ -23,7 +23,7 @@ from .drawing import (
     LABEL_BITS,
     LANES,
     NORMAL_0,
-    NORMAL_W,
+    NORMAL_ROOT,
     NORMAL_X,
     NORMAL_Y,
     PLANES,
@@ -41,8 +41,12 @@ from .drawing import (
 # their products with the image's, and squares of the image's (each channel by itself)
 MODEL_SQUARES, PRODUCTS, IMAGE_SQUARES, N_TOTALS = 3, 4, 7, 10
 
+N_LIGHT_WORK = N_LIGHT_COLUMNS + 3  # of a light in camera axes, with its products with a normal's terms
+
 _N = np.uint64(LANES)
-_ZERO, _ONE, _FULL = np.float32(0.0), np.float32(1.0), np.float32(255.0)
+_ZERO, _ONE, _TWO, _FULL = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(255.0)
+_TINY = np.float32(1e-30)
+_UNSEEN = np.float32(0.5 * BIG)  # upper bound of a surface whose caps are not seen
 
 
 @compiled(fastmath=FAST)
@@ -87,12 +91,17 @@ def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized
 
 
 @compiled(fastmath=FAST)
-def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base, weights, total):
+def _score_smooth(form, straight, c, surface, label, view, rays, planes, box, spans, origin, stride, buffer, lights, base,
+                  weights, total):  # fmt: skip
     """Add the squared differences of one shape's pixels to ``total[0]``, their number to ``total[1]``.
 
     Where images have a gain, raw differences are left out, and the products that they depend on added from `MODEL_SQUARES` on.
     ``base`` (4,) is what every pixel gets before the lights with a direction, and 1 / gamma; ``weights`` of the raw and the
     normalized difference.
+
+    With a ``straight`` of length one no ray is distorted, no cap is seen and all lights are directional: all that does not vary
+    along a row is found once for it, and of the normal only its length and its products with the lights, polynomials in x and
+    the root.
     """
     x0, y0 = c[ORIGIN], c[ORIGIN + 1]
     q00, q10, q01, q20, q11, q02 = (c[QUADRATIC], c[QUADRATIC + 1], c[QUADRATIC + 2], c[QUADRATIC + 3],
@@ -102,7 +111,7 @@ def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origi
     n0x, n0y, n0z = surface[NORMAL_0], surface[NORMAL_0 + 1], surface[NORMAL_0 + 2]
     nxx, nxy, nxz = surface[NORMAL_X], surface[NORMAL_X + 1], surface[NORMAL_X + 2]
     nyx, nyy, nyz = surface[NORMAL_Y], surface[NORMAL_Y + 1], surface[NORMAL_Y + 2]
-    nwx, nwy, nwz = surface[NORMAL_W], surface[NORMAL_W + 1], surface[NORMAL_W + 2]
+    nwx, nwy, nwz = surface[NORMAL_ROOT], surface[NORMAL_ROOT + 1], surface[NORMAL_ROOT + 2]
     cx, cy, cz = surface[CAP], surface[CAP + 1], surface[CAP + 2]
     red, green, blue = surface[COLOR], surface[COLOR + 1], surface[COLOR + 2]
     base_r, base_g, base_b, inverse_gamma = base[0], base[1], base[2], base[3]
@@ -114,60 +123,101 @@ def _score_smooth(form, c, surface, label, view, rays, planes, box, spans, origi
     n_directional, n_spots = len(form[0]), len(form[1])
     gamma, raw, normalized = len(form[2]) > 0, len(form[3]) > 0, len(form[4]) > 0
     gained = raw and len(form[5]) > 0
+    by_row = len(straight) > 0
     n_lights = n_directional + n_spots
     all_mm, all_rr, all_gg, all_bb = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
     all_mr, all_mg, all_mb = np.float64(0.0), np.float64(0.0), np.float64(0.0)
+    along = n_lights * N_LIGHT_COLUMNS  # after the lights: of each its products with the normal's terms in 1, x and the root
+    qv0, qv1, p0, p1, p2, s0, s1, ww = q00, q10, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
     for v in range(box[1], box[3]):
+        if spans[v, 1] <= spans[v, 0]:
+            continue
         x_start = view[XS] + v * (width + LANES) * distorted
         y_start = view[YS] + v * (width + LANES if distorted else LANES)
         row = (v - origin[1]) * stride - origin[0]
         pixel = view[PLANES] + v * width
+        if by_row and n_lights > 0:
+            y = rays[y_start] - y0
+            qv0, qv1 = q00 + y * (q01 + q02 * y), q10 + q11 * y
+            ax, ay, az = n0x + nyx * y, n0y + nyy * y, n0z + nyz * y
+            p0, p1, p2 = ax * ax + ay * ay + az * az, _TWO * (ax * nxx + ay * nxy + az * nxz), nxx * nxx + nxy * nxy + nxz * nxz
+            s0, s1 = _TWO * (ax * nwx + ay * nwy + az * nwz), _TWO * (nxx * nwx + nxy * nwy + nxz * nwz)
+            ww = nwx * nwx + nwy * nwy + nwz * nwz
+            for k in range(n_directional):
+                dx, dy, dz = (lights[k * N_LIGHT_COLUMNS + DIRECTION], lights[k * N_LIGHT_COLUMNS + DIRECTION + 1],
+                              lights[k * N_LIGHT_COLUMNS + DIRECTION + 2])  # fmt: skip
+                lights[along + 3 * k] = -(dx * ax + dy * ay + dz * az)
+                lights[along + 3 * k + 1] = -(dx * nxx + dy * nxy + dz * nxz)
+                lights[along + 3 * k + 2] = -(dx * nwx + dy * nwy + dz * nwz)
         for u in range(spans[v, 0], spans[v, 1], LANES):
             at_x, at_y, at = np.uint64(x_start + u), np.uint64(y_start + u * distorted), np.uint64(row + u)
             at_red, at_green, at_blue = np.uint64(pixel + u), np.uint64(pixel + size + u), np.uint64(pixel + 2 * size + u)
+            shown = False
+            for i in range(_N):
+                shown |= (buffer[at + i] & low_bits) == tag
+            if not shown:
+                continue
             squares, kept = _ZERO, _ZERO
             mm, mr, mg, mb, rr, gg, bb = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
             for i in range(_N):
                 own = _ONE if (buffer[at + i] & low_bits) == tag else _ZERO
                 r, g, b = base_r, base_g, base_b
                 if n_lights > 0:
-                    xn, yn = rays[at_x + i], rays[at_y + i]
+                    xn = rays[at_x + i]
                     xn = xn if own > _ZERO else x0  # where there is no ray, it is not a number
-                    x, y = xn - x0, yn - y0
-                    q = q00 + x * (q10 + q20 * x + q11 * y) + y * (q01 + q02 * y)
-                    curved = l0 + l1 * x + l2 * y + np.sqrt(q if q > _ZERO else _ZERO)
-                    high = h0 + h1 * x + h2 * y
-                    cap = high < curved
-                    w = high if cap else curved
-                    nx = n0x + nxx * x + nyx * y + nwx * w
-                    ny = n0y + nxy * x + nyy * y + nwy * w
-                    nz = n0z + nxz * x + nyz * y + nwz * w
-                    inverse = _ONE / np.sqrt(nx * nx + ny * ny + nz * nz)
-                    nx, ny, nz = cx if cap else nx * inverse, cy if cap else ny * inverse, cz if cap else nz * inverse
-                    for k in range(n_directional):
-                        m = k * N_LIGHT_COLUMNS
-                        f = -(nx * lights[m + DIRECTION] + ny * lights[m + DIRECTION + 1] + nz * lights[m + DIRECTION + 2])
-                        f = f if f > _ZERO else _ZERO
-                        r += lights[m + INTENSITY] * f
-                        g += lights[m + INTENSITY + 1] * f
-                        b += lights[m + INTENSITY + 2] * f
-                    if n_spots > 0:
-                        z = _ONE / w
-                        for k in range(n_directional, n_lights):
-                            m = k * N_LIGHT_COLUMNS
-                            lx, ly = lights[m + POSITION] - xn * z, lights[m + POSITION + 1] - yn * z
-                            lz = lights[m + POSITION + 2] - z
-                            near = _ONE / np.sqrt(lx * lx + ly * ly + lz * lz)
-                            f = (nx * lx + ny * ly + nz * lz) * near
+                    x = xn - x0
+                    if by_row:
+                        q = qv0 + x * (qv1 + q20 * x)
+                        q = q if q > _ZERO else _ZERO
+                        root = np.sqrt(q)
+                        length = p0 + x * (p1 + p2 * x) + root * (s0 + s1 * x) + ww * q
+                        inverse = _ONE / np.sqrt(length if length > _TINY else _TINY)
+                        for k in range(n_directional):
+                            f = lights[along + 3 * k] + lights[along + 3 * k + 1] * x + lights[along + 3 * k + 2] * root
                             f = f if f > _ZERO else _ZERO
-                            along = lx * lights[m + DIRECTION] + ly * lights[m + DIRECTION + 1]
-                            along += lz * lights[m + DIRECTION + 2]
-                            edge = (-along * near - lights[m + COS_OUTER]) * lights[m + COS_INNER]
-                            edge = edge if edge > _ZERO else _ZERO
-                            f = f * (edge if edge < _ONE else _ONE)
+                            f = f * inverse
+                            m = k * N_LIGHT_COLUMNS
                             r += lights[m + INTENSITY] * f
                             g += lights[m + INTENSITY + 1] * f
                             b += lights[m + INTENSITY + 2] * f
+                    else:
+                        yn = rays[at_y + i]
+                        y = yn - y0
+                        q = q00 + x * (q10 + q20 * x + q11 * y) + y * (q01 + q02 * y)
+                        root = np.sqrt(q if q > _ZERO else _ZERO)
+                        curved = l0 + l1 * x + l2 * y + root
+                        high = h0 + h1 * x + h2 * y
+                        cap = high < curved
+                        w = high if cap else curved
+                        nx = n0x + nxx * x + nyx * y + nwx * root
+                        ny = n0y + nxy * x + nyy * y + nwy * root
+                        nz = n0z + nxz * x + nyz * y + nwz * root
+                        inverse = _ONE / np.sqrt(nx * nx + ny * ny + nz * nz)
+                        nx, ny, nz = cx if cap else nx * inverse, cy if cap else ny * inverse, cz if cap else nz * inverse
+                        for k in range(n_directional):
+                            m = k * N_LIGHT_COLUMNS
+                            f = -(nx * lights[m + DIRECTION] + ny * lights[m + DIRECTION + 1] + nz * lights[m + DIRECTION + 2])
+                            f = f if f > _ZERO else _ZERO
+                            r += lights[m + INTENSITY] * f
+                            g += lights[m + INTENSITY + 1] * f
+                            b += lights[m + INTENSITY + 2] * f
+                        if n_spots > 0:
+                            z = _ONE / w
+                            for k in range(n_directional, n_lights):
+                                m = k * N_LIGHT_COLUMNS
+                                lx, ly = lights[m + POSITION] - xn * z, lights[m + POSITION + 1] - yn * z
+                                lz = lights[m + POSITION + 2] - z
+                                near = _ONE / np.sqrt(lx * lx + ly * ly + lz * lz)
+                                f = (nx * lx + ny * ly + nz * lz) * near
+                                f = f if f > _ZERO else _ZERO
+                                away = lx * lights[m + DIRECTION] + ly * lights[m + DIRECTION + 1]
+                                away += lz * lights[m + DIRECTION + 2]
+                                edge = (-away * near - lights[m + COS_OUTER]) * lights[m + COS_INNER]
+                                edge = edge if edge > _ZERO else _ZERO
+                                f = f * (edge if edge < _ONE else _ONE)
+                                r += lights[m + INTENSITY] * f
+                                g += lights[m + INTENSITY + 1] * f
+                                b += lights[m + INTENSITY + 2] * f
                     if gamma:
                         r, g, b = r**inverse_gamma, g**inverse_gamma, b**inverse_gamma
                 r, g, b = red * r, green * g, blue * b
@@ -233,8 +283,12 @@ def _score_camera(form, model, view, params, limits, T_cam_world, gain, base, co
             draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans[s], origin, stride, buffer)
     for s in range(kinds.shape[0]):
         if boxes[s, 2] > boxes[s, 0]:
-            _score_smooth(form, coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride,
-                          buffer, camera_lights, base, weights, total)  # fmt: skip
+            given = (coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride, buffer,
+                     camera_lights, base, weights, total)  # fmt: skip
+            if len(form[1]) == 0 and not view[DISTORTED] and coefficients[s, UPPER] > _UNSEEN:
+                _score_smooth(form, (0,), *given)
+            else:
+                _score_smooth(form, (), *given)
 
 
 @compiled(fastmath=FAST)
@@ -251,7 +305,7 @@ def score_states(form, chain, shapes, cameras, images, options, roots, joints, c
     options : packed lights with a direction, weights (2,).
     roots, joints : (n_states, 4, 4), (n_states, n_axes).
     camera_indices : of the cameras that are scored.
-    work : coefficients, surfaces, boxes, spans, lights in camera axes, buffer.
+    work : coefficients, surfaces, boxes, spans, lights in camera axes (flat, `N_LIGHT_WORK` each), buffer.
     totals : (n_states, n_cameras, `N_TOTALS`), overwritten in these cameras; the status is what `prepare_camera` returns.
     """
     kinds, dims, links, Ts_link_shape, used = shapes
