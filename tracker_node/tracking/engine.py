@@ -131,6 +131,10 @@ class Solver(Fits, Protocol):
         """Log-likelihood that the present images gain by a body in ``state``; None before one was tracked."""
         return None
 
+    def fit_start(self, start: State) -> Fit:
+        """Fit from a start that is one of many: without searches, which only the best are worth."""
+        return self.fit(start, True, None)
+
     def remember(self, fit: Fit, assessment: Assessment) -> None:
         """Take in how a fit was assessed.
 
@@ -209,6 +213,24 @@ class AnyEngine(Fits, Assesses, Finds, Protocol):
         A better start.
         """
         ...
+
+    def attempt(self, images: Images, start: State, *, near: bool = False) -> Fit:
+        """What a start is worth, one of many: the engine begins anew with it, without the searches that only the best are worth.
+
+        Parameters
+        ----------
+        images : in which the body may be near ``start``.
+        start : where it may be.
+        near : most of the body is just there.
+
+        Returns
+        -------
+        The fit.
+        """
+        self.reset()
+        state = self.begin(images, start)
+        self.observe(images, state)
+        return self.fit(state, True)
 
     def observe(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, people: PeopleSeen = ()
@@ -303,6 +325,19 @@ class Engine(AnyEngine):
             for lesson in other.lessons(True)[-1:]:
                 other.learn_first(images, start, lesson)
         return start
+
+    def attempt(self, images: Images, start: State, *, near: bool = False) -> Fit:
+        self.reset()
+        lead, *others = self.modalities
+        for lesson in lead.lessons(False)[1 if near else 0:]:
+            lead.learn_first(images, start, lesson)
+            for other in others:
+                for last in other.lessons(True)[-1:]:
+                    other.learn_first(images, start, last)
+            self.observe(images, start)
+            fit = self.solver.fit_start(start)
+            start = fit.state
+        return fit
 
     def observe(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, people: PeopleSeen = ()

@@ -36,10 +36,36 @@ _HEADINGS = 12
 _PRIOR = 3e-4  # cost of a joint one sigma from neutral, as a fraction of all evidence
 _RANDOM_POSES = 16
 _PLACES = 3
-_SHAKES = 3
-_LIMB_SAMPLES = 48
-_ROUNDS = ((False, False), (False, False), (True, True), (False, True), (False, True), (False, True))
-# of search and learning: how thorough a search, and whether only what it finds goes on
+
+
+@dataclass(frozen=True)
+class _Effort:
+    """How much a search tries.
+
+    Parameters
+    ----------
+    hypotheses : share of all that are drawn to the silhouettes.
+    kept : hypotheses of which variants are tried, one in so many, one number for each time.
+    limb_samples : settings of a limb that are tried.
+    drawn_variants : of each hypothesis, those that cover most: fits are dear.
+    shakes : times that all that is left is shaken.
+    rounds, iterations : of a fit.
+    """
+
+    hypotheses: float
+    kept: tuple[int, ...]
+    limb_samples: int
+    drawn_variants: int
+    shakes: int
+    rounds: int
+    iterations: int
+
+
+_ONLY = _Effort(1.0, (4, 8, 8), 48, 99, 3, 3, 4)  # where the scene is known, nothing comes after it
+_WIDE = _Effort(1.0, (4, 8, 8), 24, 2, 1, 2, 3)
+_NARROW = _Effort(0.5, (8,), 24, 2, 0, 2, 3)
+_ROUNDS = ((_NARROW, False), (_NARROW, False), (_WIDE, True), (_NARROW, True), (_NARROW, True), (_NARROW, True))
+# of search and learning: how much is tried, and whether only what it finds goes on
 _SURE = 0.45  # a start that covers so much of the evidence is not searched elsewhere
 
 
@@ -152,8 +178,8 @@ class PoseDetector:
                 break
             self._segmentation.learn_about(middle)
             beginning, starts = self._hypotheses(self._heights(middle), around), []
-            for thorough, alone in _ROUNDS:
-                starts = self._search(evidence.maps(), beginning, thorough)
+            for effort, alone in _ROUNDS:
+                starts = self._search(evidence.maps(), beginning, effort)
                 self._segmentation.learn_from(Configuration(self._model, starts[0].state), middle)
                 own = Poses.of([start.state for start in starts])
                 beginning = own if alone else Poses.joined([own, beginning])
@@ -202,7 +228,7 @@ class PoseDetector:
         """Feet move less than the rest, shadows on the floor with them: the middle may be higher or lower."""
         return middle + self.size_m * np.array([[0.0, 0.0, share] for share in (-0.06, 0.06, 0.18)])
 
-    def _search(self, maps: Sequence[np.ndarray | None], poses: Poses, thorough: bool = True) -> list[Start]:
+    def _search(self, maps: Sequence[np.ndarray | None], poses: Poses, effort: _Effort = _ONLY) -> list[Start]:
         """From hypotheses to a few starts, the best first."""
         config, rng = self._config, np.random.default_rng(self._config.seed)
         total = max(sum(float(m[m > 0.0].sum()) for m in maps if m is not None), 1e-9)
@@ -218,18 +244,21 @@ class PoseDetector:
             poses, scores = poses[kept], scores[kept]
 
         def drawn(some: Poses) -> Poses:
-            return Poses.of(self._workers.map(lambda i: fit.fit(some.state(i)), list(range(len(some)))))
+            return Poses.of(
+                self._workers.map(lambda i: fit.fit(some.state(i), effort.rounds, effort.iterations), list(range(len(some))))
+            )
 
-        keep(config.hypotheses if thorough else config.hypotheses // 2, 0.15, 0.4)
+        keep(round(effort.hypotheses * config.hypotheses), 0.15, 0.4)
         poses, scores = search.better(poses, scores, drawn(poses))
-        for share in (4, 8, 8) if thorough else (8,):
+        for share in effort.kept:
             keep(max(config.hypotheses // share, config.candidates), 0.1, 0.4)
-            poses, scores = search.best_of(poses, scores, drawn(search.varied(poses, _LIMB_SAMPLES, rng)))
-        poses, scores = search.shaken(poses, scores, _LIMB_SAMPLES, rng)
+            variants = search.promising(search.varied(poses, effort.limb_samples, rng), len(poses), effort.drawn_variants)
+            poses, scores = search.best_of(poses, scores, drawn(variants))
+        poses, scores = search.shaken(poses, scores, effort.limb_samples, rng)
         poses, scores = search.better(poses, scores, drawn(poses))
         keep(2 * config.candidates, 0.1, 0.6)
-        for _ in range(_SHAKES if thorough else 0):
-            poses, scores = search.shaken(poses, scores, 2 * _LIMB_SAMPLES, rng)
+        for _ in range(effort.shakes):
+            poses, scores = search.shaken(poses, scores, 2 * effort.limb_samples, rng)
         keep(config.candidates, 0.1, 0.6)
         return [Start(poses.state(i), float(scores[i]) / total) for i in range(len(poses))]
 

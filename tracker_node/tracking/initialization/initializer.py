@@ -153,16 +153,20 @@ class Initializer:
         engine = self._engine = self._engine or self._make_engine()
         coverage = self._finder.coverage()
 
-        def attempt(state: State) -> Trial:
-            trial = tried(engine, images, image_set, state)
+        def attempt(state: State, near: bool = True) -> Trial:
+            trial = tried(engine, images, image_set, state, near)
             return replace(trial, uncovered=coverage.uncovered(trial.state))
 
-        trials = [attempt(start.state) for start in starts]
+        trials = [attempt(start.state, False) for start in starts]
         if any(trial.assessment.log_ratio is None for trial in trials):
             return self._by_share(starts, trials)
-        # With a limb elsewhere, the right one can stand far behind another whose limbs happen to be hidden.
+        # With a limb elsewhere, the right one can stand far behind another whose limbs happen to be hidden; not behind one that
+        # has been mended.
         hopeful = rivals(self._model, trials, self._finder.size_m, self._config.repaired_candidates, HOPEFUL)
-        mended = [self._mended(trial, attempt) for trial in hopeful]
+        mended: list[Trial] = []
+        for trial in hopeful:
+            if not mended or trial.standing > HOPEFUL * max(other.standing for other in mended):
+                mended.append(self._mended(trial, attempt))
         best = rivals(self._model, mended + trials, self._finder.size_m, self._config.tracked_candidates)
         return [trial.state for trial in best if trial.standing > 0.0]
 
@@ -221,22 +225,20 @@ class Trial:
         return found * (1.0 - min(self.uncovered, 1.0)) ** _UNCOVERED_COUNTS if found > 0.0 else found
 
 
-def tried(engine: AnyEngine, images: Images, image_set: ImageSet, start: State) -> Trial:
+def tried(engine: AnyEngine, images: Images, image_set: ImageSet, start: State, near: bool = False) -> Trial:
     """A fit by an engine that has been reset.
 
     Parameters
     ----------
     engine, images, image_set : it learns from these images, and fits to them.
     start : state to begin at.
+    near : most of the body is just there.
 
     Returns
     -------
     The state with its assessment.
     """
-    engine.reset()
-    state = engine.begin(images, start)
-    engine.observe(images, state)
-    result = engine.fit(state, True)
+    result = engine.attempt(images, start, near=near)
     return Trial(result.state, engine.assess(result, image_set))
 
 

@@ -27,8 +27,8 @@ from ..poses import Poses
 from .evidence import StartEvidence, color_density, scene_density
 from .pose_library import other_side, reachable
 
-_SAMPLES = 1600
-_REFINED = 50  # about each of the best
+_SAMPLES = 800
+_REFINED = 25  # about each of the best
 _SHAKE_RAD = 0.3
 _LOOKED_AT = 120  # of the best, that others are chosen from
 _APART = 0.2  # of a limb's length: tips of limbs that are elsewhere

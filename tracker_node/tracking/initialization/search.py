@@ -108,6 +108,22 @@ class HypothesisSearch:
         roots[:, :3, :3] = np.diag([-1.0, -1.0, 1.0]) @ roots[:, :3, :3]
         return Poses(roots, poses.joints[:, self._other_side])
 
+    def promising(self, variants: Poses, n_hypotheses: int, n: int) -> Poses:
+        """The best variants of each hypothesis: fits are too dear for all.
+
+        Parameters
+        ----------
+        variants : as many for each hypothesis, one after the other.
+        n_hypotheses, n : and how many of each stay.
+
+        Returns
+        -------
+        ``n`` for each hypothesis, one after the other.
+        """
+        scores = self.scores(variants).reshape(n_hypotheses, -1)
+        best = np.argsort(-scores, axis=1, kind="stable")[:, :n]
+        return variants[(np.arange(n_hypotheses)[:, None] * scores.shape[1] + best).ravel()]
+
     def best_of(self, poses: Poses, scores: np.ndarray, variants: Poses) -> tuple[Poses, np.ndarray]:
         """Each hypothesis, or the best of its variants.
 
@@ -180,7 +196,6 @@ _COARSE = ContourOptions(
     boundary_scale_px=12.0, reach_px=_REACH_PX,
 )  # fmt: skip
 _FREE_RAD, _STIFF_RAD = 1.5, 0.4  # how far joint angles are expected from neutral
-_ROUNDS = 3  # in which it is decided anew what is seen
 _PRIOR = 4.0  # squared pixels that one such angle costs
 
 
@@ -213,21 +228,22 @@ class SilhouetteFit:
         """
         return ContourCorrespondences(self._body, self._maps, detail, state)
 
-    def fit(self, state: State, iterations: int = 12) -> State:
+    def fit(self, state: State, rounds: int = 3, iterations: int = 4) -> State:
         """The state that the outline leads to.
 
         Parameters
         ----------
         state : to begin at.
-        iterations : in all.
+        rounds : in which it is decided anew what is seen.
+        iterations : in each of them.
 
         Returns
         -------
         Near a minimum.
         """
         prior = Prior(State.neutral(self._model, state.T_world_root), self._weights)
-        stage = Stage(_COARSE, LevenbergMarquardtOptions(max_iterations=max(iterations // _ROUNDS, 1), tolerance=1e-2))
-        return self._fitter.fit(state, self, [stage] * _ROUNDS, [prior]).state
+        stage = Stage(_COARSE, LevenbergMarquardtOptions(max_iterations=iterations, tolerance=1e-2))
+        return self._fitter.fit(state, self, [stage] * rounds, [prior]).state
 
 
 def _evidence(odds: np.ndarray) -> EvidenceMaps | None:

@@ -186,6 +186,9 @@ class Reacquisition(Solver):
         self._model_sigma_px = fit.model_sigma_px
         return fit
 
+    def fit_start(self, start: State) -> LineFit:
+        return self._fitting.redrawn(self.refit(start, None))
+
     def _led_by_points(self, points: KeypointFitting, start: State, first: bool, prior: Prior | None) -> LineFit:
         """Lines from where the points have the body: no limb needs a search; a LOST one is where they are, not where it was."""
         scales = numbers(self._region.first_scales) if first else self._all_scales
