@@ -115,6 +115,12 @@ def test_the_best_variant_takes_its_hypothesis_place_if_it_is_better():
     assert scores == pytest.approx(finder.scores(found))
 
 
+def test_promising_variants_are_the_best_of_each_hypothesis():
+    places = [[3.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [9.0, 0.0, 0.0], [9.0, 0.0, 0.0], [8.0, 0.0, 0.0]]
+    kept = search().promising(poses(6, places=np.array(places)), 2, 2)
+    assert kept.roots[:, 0, 3].tolist() == [1.0, 2.0, 8.0, 9.0]
+
+
 def test_only_what_is_better_replaces():
     finder, some, others = search(), poses(3, GOAL + 0.2), poses(3, GOAL + 0.1, places=[(0, 0, 0), (9, 0, 0), (0, 0, 0)])
     found, scores = finder.better(some, finder.scores(some), others)

@@ -8,6 +8,7 @@ import pytest
 from helpers.cameras.start_scenes import largest_error_m, scene, standing
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.region.limb_search import LimbSearch
 from tracker_node.tracking.tracker import Tracker
 
 SCENE = scene()
@@ -60,3 +61,15 @@ def test_a_body_that_is_not_lost_is_where_it_is_whoever_else_has_the_clearer_out
     somebody, turned = standing(SCENE.model, 1.2, -0.2, 0.4), standing(SCENE.model, -0.5, 0.3, 0.6)
     tracker._track = replace(tracker._track, start=WRONG, lost=0, held=20)
     assert tracker._supported([], [somebody, turned]) == [turned]
+
+
+@pytest.mark.parametrize("near", [False, True])
+def test_a_start_that_is_tried_is_fitted_without_a_search_for_limbs(near, monkeypatch):
+    engine = Tracker(SCENE.rig, SCENE.model, SMALL, SCENE.backgrounds, TRUE)._track.engine
+
+    def never(*_):
+        raise AssertionError("limbs are searched")
+
+    monkeypatch.setattr(LimbSearch, "try_elsewhere", never)
+    fit = engine.attempt(list(SCENE.images(TRUE, 0)), TRUE, near=near)
+    assert largest_error_m(SCENE.model, fit.state, TRUE) < 0.05
