@@ -6,12 +6,13 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from tracker_node.compiled import ahead
-from tracker_node.compiled.ahead import Kernel, listed
+from tracker_node.compiled.ahead import Kernel, compile_ahead, listed
 
 COMPILED = """
 from numba.core import event
@@ -97,6 +98,22 @@ def test_an_interruption_ends_it_and_its_helpers(tmp_path):
     os.killpg(process.pid, signal.SIGINT)  # as the terminal does
     _, errors = process.communicate(timeout=20.0)
     assert errors.rstrip().endswith("KeyboardInterrupt") and process.returncode in (-signal.SIGINT, 130)
+
+
+def test_an_interruption_that_compiling_swallows_ends_it_all_the_same(monkeypatch):
+    compiled = []
+
+    def swallowing(kernel):
+        compiled.append(kernel)
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Kernel, "is_kept", lambda kernel: False)
+    monkeypatch.setattr(Kernel, "compile", swallowing)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        compile_ahead(processes=1)
+    assert len(compiled) == 1 and signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_helper_that_is_interrupted_says_nothing(tmp_path):

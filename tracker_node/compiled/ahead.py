@@ -11,14 +11,16 @@ import heapq
 import importlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from numba import types as numba_types
@@ -157,6 +159,10 @@ class _Work:
             self._stopped = True
             self._changed.notify_all()
 
+    def end(self) -> None:
+        """The same from a signal's handler: the thread that it interrupts may hold the lock."""
+        self._stopped = True
+
     def __iter__(self) -> Iterator[int]:
         """Places in the list, as they may be compiled; one is done when the next is asked for."""
         i: int | None = None
@@ -190,13 +196,38 @@ class _Work:
             self._progress(self._done, self._n)
 
 
+@contextmanager
+def _interruptible(work: _Work) -> Iterator[None]:
+    """An interruption ends ``work`` even where compiling has swallowed it, as callbacks from C do."""
+    interrupted = False
+
+    def end(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+        work.end()
+        signal.default_int_handler(number, frame)
+
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if interrupted:
+        raise KeyboardInterrupt
+
+
 def _together(work: _Work, processes: int) -> None:
     helpers = [threading.Thread(target=_by_helper, args=(work,)) for _ in range(processes - 1)]
     for helper in helpers:
         helper.start()
     try:
-        for i in work:
-            listed()[i].compile()
+        with _interruptible(work):
+            for i in work:
+                listed()[i].compile()
     finally:  # also when interrupted
         work.stop()
         for helper in helpers:
