@@ -182,10 +182,11 @@ def trial_from(first: int, recording: Recording, tracker: Tracker) -> Trial:
         began = time.perf_counter()
         estimate = tracker.step(image_set)
         times.append(time.perf_counter() - began)
+        if not states:
+            cpu_s = time.process_time() - cpu_began_s
         if estimate.status is Status.INITIALIZING:
             until += 1
         else:
-            cpu_s = cpu_s or time.process_time() - cpu_began_s
             states.append(estimate.state)
             stamps.append(image_set.stamp_ns)
         if len(states) == SETS_AFTER + 1:
@@ -197,7 +198,7 @@ def trial_from(first: int, recording: Recording, tracker: Tracker) -> Trial:
         f"state after {until} sets, {cpu_s:.1f} s of processor time; at first {_mm(errors[:1])}, then {_mm(errors[-1:])},"
         f" {judged} joints judged; {estimate.status.name} {estimate.status_reason}".rstrip()
     )
-    return Trial(mean < MEAN_M and largest < LARGEST_M, cpu_s or time.process_time() - cpu_began_s, max(times), until, mean, told)
+    return Trial(mean < MEAN_M and largest < LARGEST_M, cpu_s, max(times), until, mean, told)
 
 
 def joint_errors(recording: Recording, states: Sequence[State], stamps: Sequence[int]) -> np.ndarray:

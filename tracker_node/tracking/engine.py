@@ -314,26 +314,27 @@ class Engine(AnyEngine):
         if self.solver.restart():
             return start
         self._weights = None
-        lead, *others = self.modalities
+        lead = self.modalities[0]
         lessons = lead.lessons(known)
         for i, lesson in enumerate(lessons):
             lead.learn_first(images, start, lesson)
             if i < len(lessons) - 1:
                 self.observe(images, start, people=people)
                 start = self.fit(start, first=True).state
-        for other in others:
-            for lesson in other.lessons(True)[-1:]:
-                other.learn_first(images, start, lesson)
+        self._learn_others(images, start)
         return start
+
+    def _learn_others(self, images: Images, state: State) -> None:
+        for other in self.modalities[1:]:
+            for lesson in other.lessons(True)[-1:]:
+                other.learn_first(images, state, lesson)
 
     def attempt(self, images: Images, start: State, *, near: bool = False) -> Fit:
         self.reset()
-        lead, *others = self.modalities
+        lead = self.modalities[0]
         for lesson in lead.lessons(False)[1 if near else 0:]:
             lead.learn_first(images, start, lesson)
-            for other in others:
-                for last in other.lessons(True)[-1:]:
-                    other.learn_first(images, start, last)
+            self._learn_others(images, start)
             self.observe(images, start)
             fit = self.solver.fit_start(start)
             start = fit.state

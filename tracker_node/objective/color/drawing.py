@@ -24,6 +24,7 @@ FAST = {"contract", "nsz", "arcp", "reassoc"}  # but not-a-number keeps its mean
 LABEL_BITS = 255
 _ZERO, _ONE, _FULL = np.float32(0.0), np.float32(1.0), np.float32(255.0)
 _FAR = np.float32(0.5 * BIG)
+_UPPER_BITS = np.int32(~LABEL_BITS)
 
 # Columns of a surface: what shades a pixel of a shape
 NORMAL_0, NORMAL_X, NORMAL_Y, NORMAL_ROOT, CAP, COLOR, N_SURFACE = 0, 3, 6, 9, 12, 15, 18
@@ -270,6 +271,22 @@ def find_spans(c, view, rays, box, spans):
         spans[v, 1] = np.int32(high if (discriminant > _ZERO) & (high > low) else low)
 
 
+@compiled(fastmath=FAST, inline="always")
+def _within(line, root, high, low_a, low_b):
+    """Inverse depths at which a ray enters and leaves a surface between bounds."""
+    enter, leave = line + root, line - root
+    leave = leave if leave > low_a else low_a
+    return enter if enter < high else high, leave if leave > low_b else low_b
+
+
+@compiled(fastmath=FAST, inline="always")
+def _nearer(enter, hit, tag, before):
+    """What a pixel of the buffer holds after a shape: its own depth and label, where it is hit, or those ``before``."""
+    packed = (np.float32(enter).view(np.int32) & _UPPER_BITS) | tag
+    packed = packed if hit else np.int32(0)
+    return packed if packed > before else before
+
+
 @compiled(fastmath=FAST)
 def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
     """First pass of one shape: its depth and label where it is in front.
@@ -289,7 +306,7 @@ def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
     h0, h1, h2 = c[UPPER], c[UPPER + 1], c[UPPER + 2]
     a0, a1, a2 = c[LOWER], c[LOWER + 1], c[LOWER + 2]
     b0, b1, b2 = c[LOWER + 3], c[LOWER + 4], c[LOWER + 5]
-    tag, upper_bits = np.int32(label), np.int32(~LABEL_BITS)
+    tag = np.int32(label)
     distorted, width = view[DISTORTED], view[WIDTH]
     bounded = b0 > -_FAR or a0 > -_FAR
     for v in range(box[1], box[3]):
@@ -306,14 +323,8 @@ def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
                     line = l0 + l1 * x + l2 * y
                     high = h0 + h1 * x + h2 * y
                     low_a, low_b = a0 + a1 * x + a2 * y, b0 + b1 * x + b2 * y
-                    enter, leave = line + root, line - root
-                    enter = enter if enter < high else high
-                    leave = leave if leave > low_a else low_a
-                    leave = leave if leave > low_b else low_b
-                    packed = (np.float32(enter).view(np.int32) & upper_bits) | tag
-                    hit = (q > _ZERO) & (enter > leave) & (enter > _ZERO)
-                    packed = packed if hit else np.int32(0)
-                    buffer[at + i] = packed if packed > buffer[at + i] else buffer[at + i]
+                    enter, leave = _within(line, root, high, low_a, low_b)
+                    buffer[at + i] = _nearer(enter, (q > _ZERO) & (enter > leave) & (enter > _ZERO), tag, buffer[at + i])
             continue
         y = rays[y_start] - y0  # the same along the row, and with it all that depends on it alone
         qv0, qv1, lv = q00 + y * (q01 + q02 * y), q10 + q11 * y, l0 + l2 * y
@@ -326,14 +337,8 @@ def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
                     q = qv0 + x * (qv1 + q20 * x)
                     root = np.sqrt(q if q > _ZERO else _ZERO)
                     line, high, low_a, low_b = lv + l1 * x, hv + h1 * x, av + a1 * x, bv + b1 * x
-                    enter, leave = line + root, line - root
-                    enter = enter if enter < high else high
-                    leave = leave if leave > low_a else low_a
-                    leave = leave if leave > low_b else low_b
-                    packed = (np.float32(enter).view(np.int32) & upper_bits) | tag
-                    hit = (q > _ZERO) & (enter > leave) & (enter > _ZERO)
-                    packed = packed if hit else np.int32(0)
-                    buffer[at + i] = packed if packed > buffer[at + i] else buffer[at + i]
+                    enter, leave = _within(line, root, high, low_a, low_b)
+                    buffer[at + i] = _nearer(enter, (q > _ZERO) & (enter > leave) & (enter > _ZERO), tag, buffer[at + i])
         else:
             for u in range(spans[v, 0], spans[v, 1], LANES):
                 at_x, at = np.uint64(x_start + u), np.uint64(row + u)
@@ -341,6 +346,4 @@ def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
                     x = rays[at_x + i] - x0
                     q = qv0 + x * (qv1 + q20 * x)
                     enter = lv + l1 * x + np.sqrt(q if q > _ZERO else _ZERO)
-                    packed = (np.float32(enter).view(np.int32) & upper_bits) | tag
-                    packed = packed if (q > _ZERO) & (enter > _ZERO) else np.int32(0)
-                    buffer[at + i] = packed if packed > buffer[at + i] else buffer[at + i]
+                    buffer[at + i] = _nearer(enter, (q > _ZERO) & (enter > _ZERO), tag, buffer[at + i])

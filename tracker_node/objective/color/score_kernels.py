@@ -128,7 +128,9 @@ def _score_smooth(form, straight, c, surface, label, view, rays, planes, box, sp
     all_mm, all_rr, all_gg, all_bb = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
     all_mr, all_mg, all_mb = np.float64(0.0), np.float64(0.0), np.float64(0.0)
     along = n_lights * N_LIGHT_COLUMNS  # after the lights: of each its products with the normal's terms in 1, x and the root
-    qv0, qv1, p0, p1, p2, s0, s1, ww = q00, q10, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+    p2, s1 = nxx * nxx + nxy * nxy + nxz * nxz, _TWO * (nxx * nwx + nxy * nwy + nxz * nwz)
+    ww = nwx * nwx + nwy * nwy + nwz * nwz
+    qv0, qv1, p0, p1, s0 = q00, q10, _ZERO, _ZERO, _ZERO
     for v in range(box[1], box[3]):
         if spans[v, 1] <= spans[v, 0]:
             continue
@@ -140,9 +142,8 @@ def _score_smooth(form, straight, c, surface, label, view, rays, planes, box, sp
             y = rays[y_start] - y0
             qv0, qv1 = q00 + y * (q01 + q02 * y), q10 + q11 * y
             ax, ay, az = n0x + nyx * y, n0y + nyy * y, n0z + nyz * y
-            p0, p1, p2 = ax * ax + ay * ay + az * az, _TWO * (ax * nxx + ay * nxy + az * nxz), nxx * nxx + nxy * nxy + nxz * nxz
-            s0, s1 = _TWO * (ax * nwx + ay * nwy + az * nwz), _TWO * (nxx * nwx + nxy * nwy + nxz * nwz)
-            ww = nwx * nwx + nwy * nwy + nwz * nwz
+            p0, p1 = ax * ax + ay * ay + az * az, _TWO * (ax * nxx + ay * nxy + az * nxz)
+            s0 = _TWO * (ax * nwx + ay * nwy + az * nwz)
             for k in range(n_directional):
                 dx, dy, dz = (lights[k * N_LIGHT_COLUMNS + DIRECTION], lights[k * N_LIGHT_COLUMNS + DIRECTION + 1],
                               lights[k * N_LIGHT_COLUMNS + DIRECTION + 2])  # fmt: skip
