@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "tracker_node"
 ROOT = Path(__file__).parent
-EXECUTABLES = ["camera_ingest", "keypoints", "pipeline", "player", "recorder", "rectify", "tracker", PACKAGE]
+EXECUTABLES = ["camera_ingest", "compose", "keypoints", "pipeline", "player", "recorder", "rectify", "tracker", PACKAGE]
 
 RUNTIME_REQUIREMENTS = [
     "argcomplete>=3.0",

@@ -2,7 +2,8 @@
 """Whether the tracker keeps up: images of six 640x480 cameras at 30 Hz to published states, for a minute.
 
 Three processes: `tracker_node camera_ingest` sends decoded images (a recording forward and backward: the body never jumps),
-`tracker_node tracker` tracks them as they come (the newest set wins), and this one listens. An image set is lost if no
+`tracker_node tracker` tracks them as they come (the newest set wins), and this one listens. With ``--composed`` the first two
+are one, `tracker_node compose`, and images are not sent; with ``--both`` that comes after. An image set is lost if no
 state of its stamp has come; latency is from the stamp, the time at which the images were due, to the state's arrival here. The
 first seconds, in which the tracker loads its code and finds its first pose, are not judged.
 """
@@ -51,14 +52,23 @@ def main(arguments: list[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_common_arguments(parser)
+    parser.add_argument("--rate", type=int, default=int(RATE_HZ), metavar="HZ", help="of the images (default: %(default)s)")
+    parser.add_argument("--composed", action="store_true", help="ingest and tracker in one process")
+    parser.add_argument("--both", action="store_true", help="first apart, then composed")
     parser.add_argument("--seconds", type=float, metavar="S", help=f"to judge (default: {SECONDS['full']:g})")
     args = parser.parse_args(arguments)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     seconds = args.seconds or SECONDS["quick" if args.quick else "full"]
     try:
-        clip = recorded(f"cones-{N_IMAGES}", Request(subject="model", motion="waves", n_images=N_IMAGES), args.cache)
-        config = configured(args.changes)
-        figures = measure(clip, config, seconds)
+        of_default_rate = args.rate == RATE_HZ
+        name, n_images = (f"cones-{N_IMAGES}", N_IMAGES) if of_default_rate else (f"cones-{args.rate}hz", args.rate)
+        request = Request(subject="model", motion="waves", n_images=n_images, rate_hz=float(args.rate))
+        clip, config = recorded(name, request, args.cache), configured(args.changes)
+        prefix, figures = "live" if of_default_rate else f"live6_{args.rate}hz", dict[str, float | int]()
+        for composed in (False, True) if args.both else (args.composed,):
+            of_run = measure(clip, config, seconds, args.rate, composed)
+            place = f"{prefix}_composed" if composed else prefix
+            figures |= {key.replace("live", place, 1): value for key, value in of_run.items()}
     except TrackerError as error:
         print(f"live: error: {error}", file=sys.stderr)
         return 2
@@ -83,8 +93,23 @@ def there_and_back(clip: Clip, folder: Path) -> Path:
     return folder / "rig.yaml"
 
 
-def measure(clip: Clip, config: TrackerConfig, seconds: float) -> dict[str, float | int]:
-    """Run the processes, and compare what was sent with what came."""
+def measure(
+    clip: Clip, config: TrackerConfig, seconds: float, rate_hz: float = RATE_HZ, composed: bool = False
+) -> dict[str, float | int]:
+    """Run the processes, and compare what was sent with what came.
+
+    Parameters
+    ----------
+    clip : whose images are sent, forward and backward.
+    config : of the tracker.
+    seconds : to judge.
+    rate_hz : of the images.
+    composed : ingest and tracker are one process.
+
+    Returns
+    -------
+    figures : by name; processor time in percent of one processor.
+    """
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
     from sensor_msgs.msg import CameraInfo
@@ -108,29 +133,34 @@ def measure(clip: Clip, config: TrackerConfig, seconds: float) -> dict[str, floa
         spinner = threading.Thread(target=spin, args=(node, stop), daemon=True)
         spinner.start()
         body = ["--model", str(clip.folder / "person.yaml"), "--initial-state", str(clip.folder / "state.yaml")]
-        tracker = Child(["tracker", "--rig", str(rig_file), *body, "--config", str(folder / "tracker.yaml")], _quiet)
-        sources = Child(
-            ["camera_ingest", "--rig", str(rig_file), "--rate", str(RATE_HZ), "--loop", "--preload", "--no-frame-skip",
-             "--wait-for-subscribers", "1", "--wait-for-info-subscribers", "1"], _quiet,
-        )  # fmt: skip
+        tracking = ["--rig", str(rig_file), *body, "--config", str(folder / "tracker.yaml")]
+        pace = ["--rate", str(rate_hz), "--loop", "--preload", "--no-frame-skip"]
+        waits = ["--wait-for-subscribers", "1", "--wait-for-info-subscribers", "1"]
+        if composed:
+            children = {"graph": Child(["compose", *tracking, *pace], _quiet)}
+        else:
+            children = {
+                "tracker": Child(["tracker", *tracking], _quiet),
+                "sources": Child(["camera_ingest", "--rig", str(rig_file), *pace, *waits], _quiet),
+            }
         try:
             wait_until("the first state", lambda: bool(states), PATIENCE_S)
             time.sleep(SETTLE_S)
-            before, began = (cpu_s(sources.pid), cpu_s(tracker.pid)), time.monotonic()
+            before, began = {name: cpu_s(child.pid) for name, child in children.items()}, time.monotonic()
             from_ns = time.time_ns()
             time.sleep(seconds)
             to_ns, elapsed_s = time.time_ns(), time.monotonic() - began
-            used = cpu_s(sources.pid) - before[0], cpu_s(tracker.pid) - before[1]
+            used = {name: cpu_s(child.pid) - before[name] for name, child in children.items()}
             time.sleep(LAST_STATES_S)
         finally:
-            sources.end(20.0)
-            tracker.end(20.0)
+            for child in reversed(children.values()):  # nothing is sent to who has ended
+                child.end(20.0)
             stop.set()
             spinner.join(timeout=5.0)
             node.destroy_node()
     figures = live_figures([s for s in sent if from_ns <= s < to_ns], states)
-    percent = {"sources": 100.0 * used[0] / elapsed_s, "tracker": 100.0 * used[1] / elapsed_s}
-    return figures | {f"live.{name}_cpu_percent": value for name, value in percent.items()} | {"live.threads": config.threads}
+    percent = {f"live.{name}_cpu_percent": 100.0 * used_s / elapsed_s for name, used_s in used.items()}
+    return figures | percent | {"live.threads": config.threads}
 
 
 def live_figures(sent: Sequence[int], states: Sequence[tuple[int, int, int]]) -> dict[str, float | int]:

@@ -3,9 +3,11 @@
 
 Three processes: `tracker_node camera_ingest` (a recording forward and backward: the body never jumps), `tracker_node tracker`,
 and this one, which changes parameters one after the other: values of the configuration, the kind of the
-evidence, the engine, the cameras in use. A change is over when the tracker says that it is in effect. Changes begin when the body
-has been TRACKING for a second. Lost are the images that the tracker's own counts call `lost in transport` (reception stood still)
-or `overflowed` (a single image set took longer than a second); of both each. As long again nothing is changed, for comparison.
+evidence, the engine, the cameras in use; and once a round it pauses the tracker for a while and lets it go on. With
+``--composed`` cameras and tracker are one process, `tracker_node compose`. A change is over when the tracker says that it is in
+effect. Changes begin when the body has been TRACKING for a second. Lost are the images that the tracker's own counts call
+`lost in transport` (reception stood still) or `overflowed` (a single image set took longer than a second); of both each. As long
+again nothing is changed, for comparison.
 """
 
 from __future__ import annotations
@@ -43,17 +45,21 @@ def main(arguments: list[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_common_arguments(parser)
+    parser.add_argument("--composed", action="store_true", help="cameras and tracker in one process")
     args = parser.parse_args(arguments)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     try:
         clip = recorded(f"cones-{N_IMAGES}", Request(subject="model", motion="waves", n_images=N_IMAGES), args.cache)
-        figures = measure(clip, configured(args.changes), ROUNDS["quick" if args.quick else "full"])
+        figures = measure(clip, configured(args.changes), ROUNDS["quick" if args.quick else "full"], args.composed)
     except TrackerError as error:
         print(f"reconfigure: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
     report_metrics(figures, args.json)
     return 0
+
+
+PAUSE_S = 1.0
 
 
 def changes(cameras: tuple[str, ...]) -> list[dict[str, object]]:
@@ -91,6 +97,7 @@ class Watcher:
         from diagnostic_msgs.msg import DiagnosticArray
         from rcl_interfaces.srv import SetParametersAtomically
         from rclpy.node import Node
+        from std_srvs.srv import SetBool
         from tracker_msgs.msg import TrackedState
 
         self.node = Node("reconfigure_benchmark")
@@ -100,6 +107,7 @@ class Watcher:
         self.said: list[str] = []  # of the parameters
         self.node.create_subscription(TrackedState, "tracker/state", self._count, 100)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._listen, 100)
+        self._enabling = self.node.create_client(SetBool, "tracker/enable")
         self._client = self.node.create_client(SetParametersAtomically, "tracker/set_parameters_atomically")
 
     def _count(self, message) -> None:
@@ -137,9 +145,28 @@ class Watcher:
         spin(lambda: "in effect" in self.said, f"{values} in effect")
         return time.monotonic() - began
 
+    def enable(self, enabled: bool, spin: Callable[[Callable[[], object], str], None]) -> None:
+        """Let the tracker go on, or pause it."""
+        from std_srvs.srv import SetBool
 
-def measure(clip: Clip, config: TrackerConfig, rounds: int) -> dict[str, float | int]:
-    """Run the processes, change parameters, and count."""
+        answer = self._enabling.call_async(SetBool.Request(data=enabled))
+        spin(answer.done, "the answer to a pause")
+
+
+def measure(clip: Clip, config: TrackerConfig, rounds: int, composed: bool = False) -> dict[str, float | int]:
+    """Run the processes, change parameters, and count.
+
+    Parameters
+    ----------
+    clip : whose images are sent.
+    config : of the tracker at first.
+    rounds : of all `changes` and a pause.
+    composed : cameras and tracker are one process.
+
+    Returns
+    -------
+    figures : by name.
+    """
     from tracker_node.ros.child_process import Child
     from tracker_node.ros.executor import ros_process, spin
 
@@ -161,22 +188,26 @@ def measure(clip: Clip, config: TrackerConfig, rounds: int) -> dict[str, float |
             spin(watcher.node, stop, lambda: time.monotonic() > until_s)
 
         body = ["--model", str(clip.folder / "person.yaml"), "--initial-state", str(clip.folder / "state.yaml")]
-        options = ["--rig", str(rig_file), "--rate", str(RATE_HZ), "--loop", "--preload", "--no-frame-skip"]
-        # One process for all: cameras that begin at different times would show different moments of the recording.
-        cameras = Child(["camera_ingest", *options, "--wait-for-subscribers", "1"], _quiet)
-        ended.callback(cameras.end, 20.0)
-        tracker = Child(["tracker", "--rig", str(rig_file), *body, "--config", str(folder / "tracker.yaml")], _quiet)
-        ended.callback(tracker.end, 20.0)
+        tracking = ["--rig", str(rig_file), *body, "--config", str(folder / "tracker.yaml")]
+        pace = ["--rate", str(RATE_HZ), "--loop", "--preload", "--no-frame-skip"]
+        # One process for all cameras: those that begin at different times would show different moments of the recording.
+        apart = [["tracker", *tracking], ["camera_ingest", "--rig", str(rig_file), *pace, "--wait-for-subscribers", "1"]]
+        for arguments in [["compose", *tracking, *pace]] if composed else apart:
+            ended.callback(Child(arguments, _quiet).end, 20.0)
         spin_until(lambda: watcher.tracking >= SETTLED_SETS, "a body that is tracked")
         began, took_s = watcher.totals(names), []
         for _ in range(rounds):
             for values in changes(names):
                 took_s.append(watcher.change(values, spin_until))
                 pass_time(AFTER_S)
+            watcher.enable(False, spin_until)
+            pass_time(PAUSE_S)
+            watcher.enable(True, spin_until)
+            pass_time(AFTER_S)
         changed = watcher.totals(names)
         pass_time(changed.at_s - began.at_s)
         alone = watcher.totals(names)
-        return {
+        figures = {
             "reconfigure.lost_images": changed.lost - began.lost,
             "reconfigure.lost_in_transport": changed.in_transport - began.in_transport,
             "reconfigure.overflowed": changed.overflowed - began.overflowed,
@@ -189,6 +220,7 @@ def measure(clip: Clip, config: TrackerConfig, rounds: int) -> dict[str, float |
             "reconfigure.sets_left_out": changed.skipped - began.skipped,
             "reconfigure.sets_left_out_without_changes": alone.skipped - changed.skipped,
         }
+        return {key.replace(".", "_composed." if composed else ".", 1): value for key, value in figures.items()}
 
 
 def _quiet(line: str) -> None:

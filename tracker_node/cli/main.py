@@ -16,7 +16,7 @@ from types import ModuleType
 from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
 
-NODES = ("camera_ingest", "keypoints", "tracker", "recorder", "player", "pipeline", "rectify")
+NODES = ("camera_ingest", "keypoints", "tracker", "compose", "recorder", "player", "pipeline", "rectify")
 INTERRUPTED = 130  # as a shell has it
 
 

@@ -117,10 +117,20 @@ def _leave_graph() -> None:
     rclpy.try_shutdown()
 
 
-def attach(node: Node) -> Executor:
-    """The event loop of a node; from the first call on, the node is taken off the graph whenever the process ends."""
+def attach(node: Node, beside: Node | None = None) -> Executor:
+    """The event loop of a node; from the first call on, the node is taken off the graph whenever the process ends.
+
+    Parameters
+    ----------
+    node : whose callbacks the loop runs.
+    beside : another one, whose loop it is too; None: the node has a loop of its own.
+
+    Returns
+    -------
+    executor : the loop.
+    """
     if node not in _executors:
-        _executors[node] = make_executor()
+        _executors[node] = make_executor() if beside is None else attach(beside)
         _executors[node].add_node(node)
     return _executors[node]
 

@@ -120,6 +120,32 @@ def test_a_run_in_real_time_is_reproduced_from_the_files(clip: Clip, tmp_path: P
     assert read_states(tmp_path / "again/states.csv").stamps_ns.tolist() == stamps
 
 
+def test_a_composed_run_gives_the_states_of_the_files_without_sending_an_image(clip: Clip, tmp_path: Path, start) -> None:
+    """One process for ingest and tracker; a recorder beside takes states, and images of one camera because it asks for them."""
+    topics = ["tracker/state:tracker_msgs/msg/TrackedState", "tracker/state_covariance:tracker_msgs/msg/StateCovariance"]
+    recorder = start("recorder", "--output", str(tmp_path / "bag"), "--topics", *topics, "cam02/image_raw:sensor_msgs/msg/Image")
+    recorder.wait_for("recorder: ready")
+    composed = start("compose", *clip.arguments(), "--lossless", "--wait-for", "state=2", "state_covariance=1")
+    assert composed.process.wait(240) == 0, composed.text
+    assert composed.text.count(f": {N_IMAGES} published") == 3, composed.text
+    assert recorder.end() == 0, recorder.text
+    assert len(decoded(tmp_path / "bag", "/tracker/state")) == N_IMAGES
+    assert len(decoded(tmp_path / "bag", "/cam02/image_raw")) == N_IMAGES
+    track_again(clip, tmp_path / "files")
+    assert_same_states(tmp_path / "bag", tmp_path / "files/bag")
+
+
+def test_a_composed_run_in_real_time_ends_with_its_sources_and_by_a_signal(clip: Clip, start) -> None:
+    composed = start("compose", *clip.arguments(), "--cameras", "cam01", "cam02", "--wait-for", "state=0")
+    assert composed.process.wait(240) == 0, composed.text
+    assert "cam03" not in composed.text
+    assert "first image set tracked" in composed.text
+    endless = start("compose", *clip.arguments(), "--loop", "--preload")
+    endless.wait_for("first image set tracked")
+    assert endless.end() == 0, endless.text
+    assert "Traceback" not in endless.text
+
+
 def test_resampled_images_are_tracked_with_the_recorded_calibration(clip: Clip, tmp_path: Path, start) -> None:
     live = tmp_path / "live"
     run_pipeline(start, clip, live, "--images", "--resize", "120x90", "--cameras", "cam01", "cam03")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import CompressedImage, Image
 
+from tracker_node.observation.image_set import CameraImage
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.diagnostics import Diagnostics, QosMismatches
 from tracker_node.ros.qos import images_published
@@ -34,6 +35,9 @@ def test_by_default_thirty_images_of_a_camera_wait_and_two_gibibytes_where_none_
 def test_the_size_of_an_image_is_that_of_its_bytes():
     assert Received("a", b"12345").size == 5
     assert Received("a", CompressedImage(data=b"1234567")).size == 7
+    image = CameraImage("a", 3, np.zeros((4, 5, 3), np.uint8))
+    assert Received("a", image).size == 60
+    assert Received("a", image).decode() is image
 
 
 def test_the_newest_images_of_each_camera_wait():

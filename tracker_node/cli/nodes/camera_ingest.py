@@ -5,8 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..arguments.cameras import add_topics_argument, image_size, with_topics
+
+if TYPE_CHECKING:
+    from ...camera.rig import CameraRig
+    from ...ros.ingest.cameras import OpenedCameras
+    from ...ros.ingest.node import IngestOptions
+    from ...ros.ingest.outlet import CameraCounts
 
 SUMMARY = "publish videos, image folders, bags, devices, network streams or topics as the ROS cameras of a rig"
 EXAMPLE = """tracker_node camera_ingest --rig rig.yaml --loop --shrink 2
@@ -51,22 +58,27 @@ def add_source_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--compressed", action="store_true", help="offer JPEG images too, on <cam>/image_raw/compressed")
 
 
+def add_pace_arguments(parser: argparse.ArgumentParser) -> None:
+    """When images go out; shared with ``compose``."""
+    parser.add_argument("--loop", action="store_true", help="begin again at the end, for ever")
+    parser.add_argument("--stamps", choices=("live", "file"), help="of the clock, or of the files (default: live when paced)")
+    parser.add_argument("--no-frame-skip", action="store_true", help="publish images after their time instead of skipping them")
+    parser.add_argument("--preload", action="store_true", help="decode all images first (short clips at high rates)")
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", metavar="FILE", help="rig.yaml with cameras and their sources; without it, --source names them")
     add_source_arguments(parser)
     add_topics_argument(parser)
-    parser.add_argument("--loop", action="store_true", help="begin again at the end, for ever")
+    add_pace_arguments(parser)
     parser.add_argument(
         "--as-fast-as-consumed",
         action="store_true",
         help="send the next images when the tracker has answered; loses nothing, keeps the stamps of the files",
     )
     parser.add_argument("--consumer", default="tracker", metavar="NODE", help="node whose state topic answers (default tracker)")
-    parser.add_argument("--stamps", choices=("live", "file"), help="of the clock, or of the files (default: live when paced)")
-    parser.add_argument("--no-frame-skip", action="store_true", help="publish images after their time instead of skipping them")
     parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="wait for N subscribers to the images")
     parser.add_argument("--wait-for-info-subscribers", type=int, default=0, metavar="N", help="and to the calibrations")
-    parser.add_argument("--preload", action="store_true", help="decode all images first (short clips at high rates)")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="write the images as they come to this bag too")
 
 
@@ -125,15 +137,45 @@ def cameras_of(rig, args: argparse.Namespace):
     return chosen_cameras(rig, args.cameras or (), sources, changes)
 
 
-def run(args: argparse.Namespace) -> int:
-    from ...loaders.rig.rig_yaml import load_rig
+def opened_cameras(verb: str, rig: CameraRig | None, args: argparse.Namespace, options: IngestOptions) -> OpenedCameras:
+    """The cameras that the command line selects, opened; what cannot be used is told.
+
+    Parameters
+    ----------
+    verb : that tells it.
+    rig : None where there is none.
+    args : of the command line.
+    options : of the node.
+
+    Returns
+    -------
+    opened : the cameras that can be used.
+
+    Raises
+    ------
+    TrackerError : there are none, or live ones are to wait for their consumer.
+    """
     from ...loaders.source_address import sources_from_parent
-    from ...ros.executor import finished_bag, ros_process, spin
     from ...ros.ingest.cameras import open_cameras
-    from ...ros.ingest.node import CameraIngestNode, IngestOptions, check_consumable
-    from ...ros.ingest.outlet import InputRecorder
+    from ...ros.ingest.node import check_consumable
 
     args.source = args.source or sources_from_parent()
+    opened = open_cameras(cameras_of(rig, args), options.source, args.preload)
+    check_consumable(opened, options)  # before a bag is begun
+    for name, problem in opened.problems.items():
+        print(f"tracker_node {verb}: {name}: {problem}", file=sys.stderr, flush=True)
+    for name, source in opened.recorded.items():
+        if source.note:
+            print(f"tracker_node {verb}: note: {name}: {source.note}", file=sys.stderr, flush=True)
+    return opened
+
+
+def run(args: argparse.Namespace) -> int:
+    from ...loaders.rig.rig_yaml import load_rig
+    from ...ros.executor import finished_bag, ros_process, spin
+    from ...ros.ingest.node import CameraIngestNode, IngestOptions
+    from ...ros.ingest.outlet import InputRecorder
+
     rig = load_rig(args.rig) if args.rig else None
     options = IngestOptions(
         source=source_options(args, keep=args.record is not None),
@@ -145,13 +187,7 @@ def run(args: argparse.Namespace) -> int:
         wait_for_info_subscribers=args.wait_for_info_subscribers,
         compressed=args.compressed,
     )
-    opened = open_cameras(cameras_of(rig, args), options.source, args.preload)
-    check_consumable(opened, options)  # before a bag is begun
-    for name, problem in opened.problems.items():
-        print(f"tracker_node camera_ingest: {name}: {problem}", file=sys.stderr, flush=True)
-    for name, source in opened.recorded.items():
-        if source.note:
-            print(f"tracker_node camera_ingest: note: {name}: {source.note}", file=sys.stderr, flush=True)
+    opened = opened_cameras("camera_ingest", rig, args, options)
     recorder = InputRecorder(args.record) if args.record is not None else None
     with finished_bag(recorder):
         try:
@@ -166,15 +202,27 @@ def run(args: argparse.Namespace) -> int:
                     node.destroy_node()
         finally:
             bag_problem = _close(recorder)
-    print(_summarize(counts))
+    print(summary(counts))
     if recorder is not None:
         print(f"recorded: {recorder.written} messages in {args.record}, {recorder.dropped} dropped")
     if bag_problem:
         problems = problems | {"bag": bag_problem}
-    for name, problem in problems.items():
-        if opened.problems.get(name) != problem:  # printed at the beginning
-            print(f"tracker_node camera_ingest: {name}: {problem}", file=sys.stderr)
+    tell_problems("camera_ingest", opened, problems)
     return 1 if problems else 0
+
+
+def tell_problems(verb: str, opened: OpenedCameras, problems: dict[str, str]) -> None:
+    """Print at the end what was not printed at the beginning.
+
+    Parameters
+    ----------
+    verb : that tells it.
+    opened : the cameras, with the problems of the beginning.
+    problems : name -> what is wrong.
+    """
+    for name, problem in problems.items():
+        if opened.problems.get(name) != problem:
+            print(f"tracker_node {verb}: {name}: {problem}", file=sys.stderr)
 
 
 def _close(recorder) -> str:
@@ -189,7 +237,7 @@ def _close(recorder) -> str:
     return ""
 
 
-def _summarize(counts) -> str:
+def summary(counts: dict[str, CameraCounts]) -> str:
     """One line per camera."""
     return "\n".join(
         f"{name}: " + ", ".join(f"{value} {key}" for key, value in count.values().items() if value or key == "published")

@@ -5,9 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..arguments.cameras import add_topics_argument, with_topics
+
+if TYPE_CHECKING:
+    from threading import Event
+
+    from ...camera.rig import CameraRig
+    from ...ros.tracker.image_inbox import InboxOptions
+    from ...ros.tracker.node import TrackerNode
+    from ...ros.tracker.options import TrackerOptions
 
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
@@ -34,9 +44,8 @@ def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -
     )
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_body_arguments(parser)
-    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
+def add_tracking_arguments(parser: argparse.ArgumentParser) -> None:
+    """What else a tracker is told; shared with ``compose``."""
     parser.add_argument(
         "--calibration",
         choices=("rig", "camera_info"),
@@ -66,6 +75,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="begin when these outputs have N subscribers: state, state_covariance, pose, joint_states, markers, or mask,"
         " overlay, masked_image (of every camera)",
     )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_body_arguments(parser)
+    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="only these cameras of the rig")
+    add_tracking_arguments(parser)
     parser.add_argument("--compressed", action="store_true", help="subscribe to <cam>/image_raw/compressed")
     parser.add_argument(
         "--no-autostart", action="store_true", help="wait to be configured and activated by the services of a lifecycle node"
@@ -84,25 +99,32 @@ def listeners(text: str) -> tuple[str, int]:
     return topic, int(count)
 
 
-def run(args: argparse.Namespace) -> int:
-    from ...ros.tracker.heap import kept_for_ever
+def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOptions) -> TrackerOptions:
+    """What the command line says of the tracker; shared with ``compose``.
 
-    with kept_for_ever():
-        from ...loaders.keypoints.table import load_keypoint_table
-        from ...loaders.model.model_yaml import load_model
-        from ...loaders.model.state_yaml import load_state
-        from ...loaders.rig.rig_yaml import load_rig
-        from ...ros.executor import attach, ros_process, spin
-        from ...ros.guarded_node import FINALIZED, INACTIVE
-        from ...ros.tracker.image_inbox import InboxOptions
-        from ...ros.tracker.node import TrackerNode
-        from ...ros.tracker.options import TrackerOptions
-        from ...runs.config_file import load_config
-        from ...runs.writer import write_body
-        from ...tracking.config import TrackerConfig
+    Parameters
+    ----------
+    args : of `add_body_arguments`, `add_tracking_arguments` and ``--cameras``.
+    rig : all cameras.
+    inbox : how images are received.
 
-    rig, model = load_rig(args.rig), load_model(args.model)
-    options = TrackerOptions(
+    Returns
+    -------
+    options : of the node.
+
+    Raises
+    ------
+    TrackerError : files that cannot be used, or cameras that there are not.
+    """
+    from ...loaders.keypoints.table import load_keypoint_table
+    from ...loaders.model.model_yaml import load_model
+    from ...loaders.model.state_yaml import load_state
+    from ...ros.tracker.options import TrackerOptions
+    from ...runs.config_file import load_config
+    from ...tracking.config import TrackerConfig
+
+    model = load_model(args.model)
+    return TrackerOptions(
         rig=rig.subset(args.cameras) if args.cameras else rig,
         model=model,
         config=load_config(args.config) if args.config else TrackerConfig(),
@@ -110,20 +132,50 @@ def run(args: argparse.Namespace) -> int:
         occluders=load_model(args.occluders) if args.occluders else None,
         keypoints=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table else None,
         joint_states=args.joint_states,
-        inbox=InboxOptions(lossless=args.lossless, compressed=args.compressed),
+        inbox=inbox,
         calibration_from_topics=args.calibration == "camera_info",
-        autostart=not args.no_autostart,
     )
+
+
+def start_by_itself(node: TrackerNode, wait_for: dict[str, int], stop: Event) -> None:
+    """Configure and activate a tracker, the latter when its outputs have subscribers.
+
+    Parameters
+    ----------
+    node : attached to its event loop.
+    wait_for : output -> how many.
+    stop : ends the waiting.
+    """
+    from ...ros.executor import spin
+    from ...ros.guarded_node import INACTIVE
+
+    if node.autostart and node.configure():
+        spin(node, stop, lambda: node.state != INACTIVE or node.has_subscribers(wait_for))
+        settled_s = time.monotonic() + (SETTLE_S if wait_for else 0.0)
+        spin(node, stop, lambda: time.monotonic() >= settled_s)
+        node.activate()
+
+
+def run(args: argparse.Namespace) -> int:
+    from ...ros.tracker.heap import kept_for_ever
+
+    with kept_for_ever():
+        from ...loaders.rig.rig_yaml import load_rig
+        from ...ros.executor import attach, ros_process, spin
+        from ...ros.guarded_node import FINALIZED
+        from ...ros.tracker.image_inbox import InboxOptions
+        from ...ros.tracker.node import TrackerNode
+        from ...runs.writer import write_body
+
+        rig = load_rig(args.rig)
+        options = tracker_options(args, rig, InboxOptions(lossless=args.lossless, compressed=args.compressed))
+    options = replace(options, autostart=not args.no_autostart)
     with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
         node = TrackerNode(options)
         attach(node)
         failure: object = None
         try:
-            if node.autostart and node.configure():
-                spin(node, stop, lambda: node.state != INACTIVE or node.has_subscribers(dict(args.wait_for)))
-                settled_s = time.monotonic() + (SETTLE_S if args.wait_for else 0.0)
-                spin(node, stop, lambda: time.monotonic() >= settled_s)
-                node.activate()
+            start_by_itself(node, dict(args.wait_for), stop)
             if args.end_on_failure:
                 failure = node.failure
             if not failure:
@@ -131,7 +183,7 @@ def run(args: argparse.Namespace) -> int:
         finally:
             node.close()
             if args.output is not None:
-                write_body(args.output, model, node.surfaces)
+                write_body(args.output, options.model, node.surfaces)
             failure = failure or node.fatal
             node.destroy_node()
     if failure:

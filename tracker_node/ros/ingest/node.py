@@ -20,6 +20,7 @@ from ...loaders.images.live_capture import LiveSource, open_capture
 from ...loaders.images.recorded_source import SourceOptions
 from ...loaders.source_address import TOPIC
 from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
+from ..direct_images import DirectImages
 from ..guarded_node import GuardedNode
 from ..parameter_overrides import check_qos_overrides
 from .cameras import IngestCamera, OpenedCameras
@@ -47,6 +48,7 @@ class IngestOptions:
     wait_for_subscribers, wait_for_info_subscribers : how many of them the images and calibration of every recorded camera must
         have before the first image.
     compressed : offer ``image_raw/compressed`` too (encoded only while somebody listens).
+    direct : where images are handed to another node of this process.
     """
 
     source: SourceOptions = field(default_factory=SourceOptions)
@@ -57,6 +59,7 @@ class IngestOptions:
     wait_for_subscribers: int = 0
     wait_for_info_subscribers: int = 0
     compressed: bool = False
+    direct: DirectImages | None = None
 
 
 def check_consumable(opened: OpenedCameras, options: IngestOptions) -> None:
@@ -100,7 +103,8 @@ class CameraIngestNode(GuardedNode):
         depth = _LOSSLESS_DEPTH if options.as_fast_as_consumed else _LIVE_DEPTH
         self._mismatches = QosMismatches(self, self._diagnostics)
         self._outlets = {
-            name: CameraOutlet(self, c, depth, options.compressed, self._mismatches) for name, c in opened.cameras.items()
+            name: CameraOutlet(self, camera, depth, options.compressed, self._mismatches, options.direct)
+            for name, camera in opened.cameras.items()
         }
         self._live = {name: self._live_camera(opened.cameras[name]) for name in opened.live}
         self._dropped_before = dict.fromkeys(self._live, 0)  # at the last report

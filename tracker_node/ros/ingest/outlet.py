@@ -26,6 +26,7 @@ from ...loaders.rig.camera_info import save_lens
 from ...runs.messages import lens_of
 from ..conversions import ImageBuffer, camera_info_message, compressed_message, image_message, jpeg_message, stamp_message
 from ..diagnostics import QosMismatches
+from ..direct_images import DirectImages
 from ..qos import RESULT, images_published, overridable
 from .cameras import IngestCamera
 
@@ -35,13 +36,30 @@ class CameraOutlet:
 
     Only one thread may publish. A calibration that the service takes holds from the next image on.
 
+    Parameters
+    ----------
+    node : that publishes.
+    camera : its lens and capture settings.
+    depth : images that may wait for a slow subscriber.
+    compressed : offer JPEG images too.
+    mismatches : is informed when a subscriber wants what we do not offer.
+    direct : where images are handed to another node of this process; then topics get them only while somebody else subscribes.
+
     Attributes
     ----------
     camera : with the lens that holds now.
     """
 
-    def __init__(self, node: Node, camera: IngestCamera, depth: int, compressed: bool, mismatches: QosMismatches):
-        self.camera = camera
+    def __init__(
+        self,
+        node: Node,
+        camera: IngestCamera,
+        depth: int,
+        compressed: bool,
+        mismatches: QosMismatches,
+        direct: DirectImages | None = None,
+    ):
+        self.camera, self._direct = camera, direct
         name = camera.name
 
         def create(message_type, topic: str, qos: QoSProfile) -> Publisher:
@@ -72,7 +90,10 @@ class CameraOutlet:
         self._prepare(image)
         self._info.header.stamp = stamp_message(stamp_ns)
         self.infos.publish(self._info)
-        if self.images is not None and image.pixels is not None:
+        if self._direct is not None:
+            self._direct.hand_over(self.camera.name, image, stamp_ns)
+        wanted = self._direct is None or (self.images is not None and self.images.get_subscription_count())
+        if self.images is not None and image.pixels is not None and wanted:
             self.images.publish(self._buffer.fill(stamp_ns, image.pixels))
         if self.compressed is not None and (image.pixels is None or self.compressed.get_subscription_count()):
             self.compressed.publish(self._compressed(image, stamp_ns))
@@ -111,7 +132,8 @@ class CameraOutlet:
         """
         images = self.images or self.compressed
         assert images is not None
-        return images.get_subscription_count() >= to_images and self.infos.get_subscription_count() >= to_infos
+        direct = self._direct is not None and self._direct.has_listener(self.camera.name)
+        return images.get_subscription_count() + direct >= to_images and self.infos.get_subscription_count() >= to_infos
 
     def wait_until_delivered(self, timeout_s: float) -> None:
         """Until everything has arrived at those who listen."""

@@ -15,6 +15,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from ...observation.image_set import CameraImage
 from ..conversions import bgr_of_compressed, decode_raw_image
 from ..diagnostics import QosMismatches
+from ..direct_images import DirectImages
 from ..qos import SequenceGaps, images_subscribed, overridable, with_number
 
 MOST_BYTES = 2 * 2**30  # some 39 s of two cameras of 640x480 at 30 Hz
@@ -22,18 +23,22 @@ MOST_BYTES = 2 * 2**30  # some 39 s of two cameras of 640x480 at 30 Hz
 
 @dataclass(frozen=True)
 class Received:
-    """An image as it came: serialized, or compressed."""
+    """An image as it came: serialized, compressed, or, from a node of this process, as it is."""
 
     camera: str
-    content: bytes | CompressedImage
+    content: bytes | CompressedImage | CameraImage
 
     @property
     def size(self) -> int:
         """Bytes."""
+        if isinstance(self.content, CameraImage):
+            return self.content.pixels.nbytes
         return len(self.content.data if isinstance(self.content, CompressedImage) else self.content)
 
     def decode(self) -> CameraImage:
         """The pixels; of a raw image a view. Raises SourceError when they cannot be used."""
+        if isinstance(self.content, CameraImage):
+            return self.content
         if isinstance(self.content, CompressedImage):
             return bgr_of_compressed(self.camera, self.content)
         return decode_raw_image(self.camera, self.content)
@@ -49,12 +54,14 @@ class InboxOptions:
     compressed : JPEG images instead of raw ones.
     capacity : images per camera that may wait, unless lossless.
     most_bytes : of images that may wait if lossless; those that come then are thrown away, which is an error.
+    direct : where images of this process are handed over; the cameras that it has are not subscribed to.
     """
 
     lossless: bool = False
     compressed: bool = False
     capacity: int = 30
     most_bytes: int = MOST_BYTES
+    direct: DirectImages | None = None
 
 
 class ImageInbox:
@@ -91,6 +98,8 @@ class ImageInbox:
         for camera in [name for name in self._subscriptions if name not in cameras]:
             for subscription in self._subscriptions.pop(camera):
                 self._node.destroy_subscription(subscription)
+            if self._options.direct is not None:
+                self._options.direct.leave(camera)
             self.last_arrival_s.pop(camera, None)
             self.infos.pop(camera, None)
         for camera in cameras:
@@ -116,14 +125,18 @@ class ImageInbox:
             gaps.reported(event.total_count)
             self.lost[camera] = lost_before + gaps.lost
 
-        qos, create = images_subscribed(self._options.lossless), self._node.create_subscription
+        qos, create, direct = images_subscribed(self._options.lossless), self._node.create_subscription, self._options.direct
+        calibration = create(CameraInfo, f"{camera}/camera_info", remember, qos)
+        if direct is not None and camera in direct.cameras:
+            direct.listen(camera, lambda image: self._enqueue(Received(camera, image)))
+            return [calibration]
         topic, kind = f"{camera}/image_raw", Image
         if self._options.compressed:
             topic, kind = f"{topic}/compressed", CompressedImage
         events = self._mismatches.of_subscription(camera, topic)
         events.message_lost = count_lost
         images.append(create(kind, topic, with_number(enqueue), **overridable(qos), event_callbacks=events, raw=kind is Image))
-        return [*images, create(CameraInfo, f"{camera}/camera_info", remember, qos)]
+        return [*images, calibration]
 
     def _enqueue(self, received: Received) -> None:
         camera = received.camera

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
@@ -27,7 +28,7 @@ from ..parameter_overrides import refuse_unknown_qos, unknown_parameters
 from .camera_diagnostics import CameraDiagnostics
 from .diagnostics import TrackerDiagnostics
 from .heap import keep_for_ever
-from .image_inbox import ImageInbox, InboxOptions
+from .image_inbox import ImageInbox
 from .keypoint_inbox import KeypointInbox
 from .options import TrackerMaker, TrackerOptions
 from .outputs import TrackerOutputs
@@ -102,7 +103,7 @@ class TrackerNode(ManagedNode):
         fixed = self._parameters_of_node.fixed
         self._lenses: dict[str, CameraModel] | None = {} if self._from_topics else None
         self._outputs = TrackerOutputs(self, options.rig, options.model, self._mismatches, str(fixed["frame_prefix"]))
-        inbox = InboxOptions(self._lossless, bool(fixed["compressed"]), options.inbox.capacity, options.inbox.most_bytes)
+        inbox = replace(options.inbox, lossless=self._lossless, compressed=bool(fixed["compressed"]))
         self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
         config = self._parameters_of_node.config
         points = PointMatching(config.synchronizer.image_period_s)
@@ -187,6 +188,11 @@ class TrackerNode(ManagedNode):
         """Whether outputs of `runs.outputs`, by their names, have at least so many subscribers."""
         outputs = self._outputs
         return outputs is not None and all(outputs.subscriber_count(topic) >= count for topic, count in wanted.items())
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether everything that has come in is tracked."""
+        return self._worker is None or not (self._worker.busy or self._inbox.waiting)
 
     @property
     def fatal(self) -> Exception | None:
