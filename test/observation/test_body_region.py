@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.observation.appearance import grown, shrunk
+from tracker_node.observation.appearance import cells_near, grown, shrunk
 
 
 def dot(size=(80, 120), at=(40, 60)):
@@ -25,6 +25,22 @@ def test_any_label_counts_and_the_result_is_a_mask():
     assert set(np.unique(found)) == {0, 1}
     np.testing.assert_array_equal(found, grown(dot(), 8))
     assert not grown(np.zeros((10, 12), np.uint8), 8).any()
+
+
+@pytest.mark.parametrize(("every", "cell"), [(1, 4), (2, 4), (3, 6), (4, 4), (8, 8)])
+def test_cells_are_about_four_pixels_however_coarse_the_mask_is(every, cell):
+    mask = dot((80 // every, 121 // every), (40 // every, 64 // every)) * np.uint8(9)
+    near, size = cells_near(mask, 2 * cell, every)
+    assert size == cell
+    assert near.shape == (-(-mask.shape[0] * every // cell), -(-mask.shape[1] * every // cell))
+    rows, columns = np.nonzero(near)
+    assert (rows.min(), rows.max()) == (40 // every * every // cell - 2, 40 // every * every // cell + 2)
+    assert (columns.min(), columns.max()) == (64 // every * every // cell - 2, 64 // every * every // cell + 2)
+
+
+def test_cells_are_those_of_the_grown_mask():
+    near, cell = cells_near(dot(), 12)
+    np.testing.assert_array_equal(np.kron(near, np.ones((cell, cell), np.uint8)), grown(dot(), 12))
 
 
 @pytest.mark.parametrize("size", [(3, 80), (80, 2), (1, 1)])

@@ -111,6 +111,20 @@ def test_labels_end_where_the_box_begins():
     assert body.occlusion[v, u][~hidden].mean() < 0.2  # only along the border
 
 
+@pytest.mark.parametrize("room", [None, screen(1.5)[0]])
+def test_every_fourth_pixel_has_the_label_that_it_has_among_all(room):
+    camera = RIG.cameras[0]
+    occluders = Occluders(room, RIG)
+    whole, coarse = occluders.look(0, BODY, camera, 12), occluders.look(0, BODY, camera, 12, 4)
+    assert (whole.every, coarse.every) == (1, 4)
+    u0, v0, u1, v1 = coarse.region
+    assert coarse.labels.shape == ((v1 - v0) // 4, (u1 - u0) // 4)
+    full = np.zeros((camera.model.height, camera.model.width), np.uint8)
+    full[whole.region[1] : whole.region[3], whole.region[0] : whole.region[2]] = whole.labels
+    np.testing.assert_array_equal(coarse.labels, full[v0 + 2 : v1 : 4, u0 + 2 : u1 : 4])
+    assert np.count_nonzero(coarse.labels) > 200
+
+
 @pytest.mark.parametrize("room", [None, screen(-1.5)[0]])
 def test_a_body_out_of_sight_is_not_looked_at(room):
     behind = State(se3.exp(np.append(3.0 * RIG.cameras[0].center, np.zeros(3))), BODY.state.joint_positions)

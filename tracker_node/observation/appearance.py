@@ -21,7 +21,8 @@ from .appearance_kernels import log_odds, update_scene
 Region = tuple[int, int, int, int]  # u0, v0, u1, v1; the last two exclusive
 
 BINS = 16  # per channel
-AT_ONCE = 520_000  # pixels that are learned from one image at most: of a larger one, fewer, or others with the next
+AT_ONCE = 260_000  # pixels that are learned from one image at most: of a larger one, fewer, or others with the next
+_CELL_PX = 4
 _SHIFT = 4  # a bin is 16 gray levels wide
 _BIN_VOLUME = float(1 << _SHIFT) ** 3
 _LOG_UNIFORM = -3.0 * math.log(256.0)  # density of a color about which nothing is known
@@ -286,6 +287,40 @@ def grown(mask: np.ndarray, reach: int) -> np.ndarray:
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * step + 1, 2 * step + 1))
     small = cv2.dilate((small > 0).astype(np.uint8), kernel)
     return cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
+
+
+def cells_near(mask: np.ndarray, reach: int, every: int = 1) -> tuple[np.ndarray, int]:
+    """Cells of pixels within about ``reach`` of a mask.
+
+    Parameters
+    ----------
+    mask : (h, w) uint8, not zero inside.
+    reach : pixels.
+    every : so many pixels a side have one value in ``mask``.
+
+    Returns
+    -------
+    near : (h / n, w / n) uint8, 0 or 1, rounded up.
+    cell : pixels a side of one of them, n ``every``; four or a little more.
+    """
+    n = max(1, -(-_CELL_PX // every))
+    near = np.zeros((-(-mask.shape[0] // n), -(-mask.shape[1] // n)), dtype=np.uint8)
+    _touched(mask, n, near)
+    step = max(1, round(reach / (n * every)))
+    return cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * step + 1, 2 * step + 1))), n * every
+
+
+@compiled
+def _touched(mask, n, cells):
+    """Cells of ``n`` values a side of which one is not zero."""
+    for i in range(mask.shape[0]):
+        row = cells[i // n]
+        for k in range(row.size):
+            if row[k] == 0:
+                for j in range(k * n, min((k + 1) * n, mask.shape[1])):
+                    if mask[i, j] != 0:
+                        row[k] = 1
+                        break
 
 
 def shrunk(labels: np.ndarray, depth: int) -> np.ndarray:

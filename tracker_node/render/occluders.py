@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
+from ..camera.model import CameraModel
 from ..camera.rig import Camera, CameraRig
 from ..compiled.kernels import compiled
 from ..model.articulated import ArticulatedModel
@@ -29,11 +30,13 @@ class BodyRegion:
     region : (u0, v0, u1, v1).
     labels : (h, w) uint8 on the region, as of `RenderedView`; 0 also where the body is hidden.
     occlusion : (h, w) bool, mask: pixels of what hides the body, and of its border; None: nothing hides it.
+    every : so many pixels a side have one label.
     """
 
     region: Region
     labels: np.ndarray
     occlusion: np.ndarray | None = None
+    every: int = 1
 
 
 class Occluders:
@@ -54,8 +57,11 @@ class Occluders:
         if scene is not None:
             configuration = Configuration(scene, State.neutral(scene))
             self.depths = [render_view(configuration, camera).depth for camera in rig]
+        self._small: dict[tuple[int, int], tuple[CameraModel, CameraModel]] = {}
 
-    def look(self, index: int, configuration: Configuration, camera: Camera, margin_px: int = 0) -> BodyRegion | None:
+    def look(
+        self, index: int, configuration: Configuration, camera: Camera, margin_px: int = 0, every: int = 1
+    ) -> BodyRegion | None:
         """Where the body is in one camera.
 
         Parameters
@@ -64,25 +70,39 @@ class Occluders:
         configuration : the posed body.
         camera : that camera.
         margin_px : how far around the body the region reaches.
+        every : pixels a side that have one label: of a large image it is drawn in a fraction of the time.
 
         Returns
         -------
         The region, its labels and what is hidden; None when no part of the body is in the image.
         """
-        found = render_labels(configuration, camera, margin_px)
+        if every > 1:
+            camera = replace(camera, model=self._shrunk(index, camera.model, every))
+        found = render_labels(configuration, camera, -(-margin_px // every))
         if found is None:
             return None
         (u0, v0, u1, v1), labels = found
-        if not self.depths[index].size:
-            return BodyRegion(found[0], labels)
-        body, cover = render_view(configuration, camera, found[0]).depth, self.depths[index][v0:v1, u0:u1]
+        region, depth = (u0 * every, v0 * every, u1 * every, v1 * every), self.depths[index]
+        if not depth.size:
+            return BodyRegion(region, labels, every=every)
+        cover = depth[every // 2 :: every, every // 2 :: every][v0:v1, u0:u1]
+        body = render_view(configuration, camera, found[0]).depth
         hidden = (labels > 0) & (cover < body - _TOUCH_M)
         if not hidden.any():
-            return BodyRegion(found[0], labels)
+            return BodyRegion(region, labels, every=every)
         labels[hidden] = 0
         # The body is not exactly where it is expected: around what is hidden, whatever stands before it may hide it
-        near = _grown(hidden, _AROUND_PX) & (cover < body[hidden].max())
-        return BodyRegion(found[0], labels, _grown(near, _RIM_PX))
+        near = _grown(hidden, -(-_AROUND_PX // every)) & (cover < body[hidden].max())
+        return BodyRegion(region, labels, _grown(near, -(-_RIM_PX // every)), every)
+
+    def _shrunk(self, index: int, lens: CameraModel, every: int) -> CameraModel:
+        """A lens of every ``every``-th pixel of another one, from the middle of the first so many on."""
+        known = self._small.get((index, every))
+        if known is None or known[0] is not lens:
+            shift = -(every // 2) / every
+            to_small = np.array([[1.0 / every, 0.0, shift], [0.0, 1.0 / every, shift]])
+            known = self._small[index, every] = lens, lens.mapped(to_small, lens.width // every, lens.height // every)
+        return known[1]
 
 
 def _grown(mask: np.ndarray, by_px: int) -> np.ndarray:

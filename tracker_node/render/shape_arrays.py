@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from ..camera.distortion import distort, undistort
+from ..camera.distortion import MODEL_IDS, distort, undistort
 from ..camera.model import CameraModel
 from ..compiled.kernels import compiled
 from ..model.articulated import ArticulatedModel
@@ -59,6 +59,9 @@ class RayTable:
     limits: np.ndarray
 
 
+_STRAIGHT = MODEL_IDS["none"]
+
+
 @compiled
 def _follow(model_id, k, xd, yd, x, y):
     """Newton inverse of the distortion from a start (x, y) that is close: (x, y, converged to 1e-5 px or so)."""
@@ -81,7 +84,10 @@ def _fill(params, width, xs, ys):
     for v in range(xs.shape[0]):
         x, y, known = 0.0, 0.0, False
         yd = (v - cy) / fy
-        for u in range(width):
+        if model_id == _STRAIGHT:
+            for u in range(width):
+                xs[v, u], ys[v, u] = (u - cx - skew * yd) / fx, yd
+        for u in range(width if model_id == _STRAIGHT else 0, width):
             xd = (u - cx - skew * yd) / fx
             if known:
                 x, y, known = _follow(model_id, k, xd, yd, x + 1.0 / fx, y)

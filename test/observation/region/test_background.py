@@ -72,8 +72,8 @@ def test_later_images_count_by_the_rate_and_in_their_region_alone():
 
 
 def test_of_a_large_image_rows_are_learnt_in_turn():
-    size, nothing = (1040, 1000), np.zeros((1040, 1000), np.uint8)
-    whole, here = (0, 0, 1000, 1040), np.zeros((4, 2))
+    size, nothing = (520, 1000), np.zeros((520, 1000), np.uint8)
+    whole, here = (0, 0, 1000, 520), np.zeros((4, 2))
     room = RegionBackground([], 4.0, 0.5, 0)
     room.learn(np.full((*size, 3), 100, np.uint8), whole, nothing, here)
     assert (codes(room) > 0).all()  # what is first seen is seen at once
@@ -86,6 +86,22 @@ def test_of_a_large_image_rows_are_learnt_in_turn():
     small.learn(np.full((*size, 3), 108, np.uint8), (0, 0, 100, 100), nothing[:100, :100], here)
     small.learn(np.full((*size, 3), 108, np.uint8), (0, 0, 100, 100), nothing[:100, :100], here)
     assert len(np.unique(colors(small.packed[0])[:100, :100, 0])) == 1
+
+
+def test_labels_may_stand_for_many_pixels_each():
+    rng, rooms = np.random.default_rng(3), []
+    pictures = [rng.integers(90, 110, (96, 128, 3), dtype=np.uint8) for _ in range(4)]
+    coarse = np.zeros((12, 16), np.uint8)
+    coarse[4:9, 5:11] = 2
+    for every in (1, 4, 2):
+        room = RegionBackground([], 4.0, 0.2, 8)
+        for k, picture in enumerate(pictures):
+            labels = np.kron(coarse, np.ones((4 // every, 4 // every), np.uint8))
+            room.learn(picture, (32, 24, 96, 72), labels, HERE + 30.0 * k, every)
+        rooms.append(room.packed[0])
+    assert (rooms[0] == 0).any() and (rooms[0] > 0).any()
+    np.testing.assert_array_equal(rooms[0], rooms[1])
+    np.testing.assert_array_equal(rooms[0], rooms[2])
 
 
 def test_a_room_that_does_not_change_stays():

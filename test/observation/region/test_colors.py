@@ -109,15 +109,17 @@ def test_a_thing_may_cast_shadows_upon_what_surrounds_it():
     assert 0.6 * limb.scene.max() < thing.scene.max() < 0.9 * limb.scene.max()
 
 
-def test_colors_of_a_large_image_are_those_of_a_small_one():
+def test_colors_of_a_large_image_with_one_label_for_many_pixels_are_those_of_a_small_one():
     densities = []
     for scale in (1, 6):
+        cells = scale // 3 or 1
         image, labels = np.full((300 * scale, 300 * scale, 3), GRAY, np.uint8), np.zeros((300 * scale, 300 * scale), np.uint8)
         inside = slice(100 * scale, 200 * scale)
         labels[inside, inside], image[inside, inside] = 1, RED_BGR
         image[: 90 * scale, :] = WHITE
         colors = learner()
-        colors.learn(image, (0, 0, 300 * scale, 300 * scale), labels, 1.0, 4 * scale, 40 * scale)
+        few = np.ascontiguousarray(labels[::cells, ::cells])
+        colors.learn(image, (0, 0, 300 * scale, 300 * scale), few, 1.0, 4 * scale, 40 * scale, every=cells)
         densities.append((colors.body, colors.scene))
     np.testing.assert_allclose(densities[0][0], densities[1][0], atol=1e-3)
     np.testing.assert_allclose(densities[0][1], densities[1][1], atol=5e-3)

@@ -12,12 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...compiled.kernels import compiled
-from ..appearance import AT_ONCE, SEEN, Region, SceneModel, grown
+from ..appearance import AT_ONCE, SEEN, Region, SceneModel, cells_near
 from ..appearance_kernels import log_positive
 
 LOG_STEP = math.log(1.03)  # of the variance, from one value of its byte to the next
 WAY_PX = 24.0  # that the body goes until a pixel that has stayed as it was is proven to be background
 _EARLY_PX, _LATER_PX = 2.0 * WAY_PX, 100.0  # after so long a way the whole image is looked at less often: after so much more
+_LINES = 480.0  # of an image, to which these ways to the next look belong
 _STEP_PX = 2.0  # less is noise of the fit, which does not add up to a way
 _MOVES, _STANDS = 0.8, 0.9  # fractions of the surroundings that stay, below and above which they move with the body, or do not
 _MEMORY, _AT_FIRST = 0.8, 500.0  # weight of what was counted before; pixels that are taken to stay before any is counted
@@ -26,7 +27,8 @@ _SEEN, _PROVEN, _GIVEN = np.uint8(SEEN), np.uint8(1), np.uint8(2)
 _HALF, _ONE, _ONE_AND_HALF, _LAST = np.float32(0.5), np.float32(1.0), np.float32(1.5), np.float32(255.0)
 _FAR, _SAME = np.float32(36.0), np.float32(9.0)  # squared sigmas beyond which a pixel shows something else, or has not stayed
 _FIRST, _THIRD, _WAY = np.float32(4.0), np.float32(1.0 / 3.0), np.float32(WAY_PX)  # ``_FIRST``: of the least variance
-_8, _16, _24 = np.uint32(8), np.uint32(16), np.uint32(24)
+_8, _16, _24, _UNKNOWN = np.uint32(8), np.uint32(16), np.uint32(24), np.uint32(0)
+_1, _2, _3, _NOTHING = np.uint64(1), np.uint64(2), np.uint64(3), np.float32(0.0)
 
 PackedRoom = tuple[np.ndarray, float]  # pixels (h, w) uint32 (blue lowest, the variance's byte highest), and the least variance
 NO_ROOM: PackedRoom = np.zeros((0, 0), np.uint32), 1.0
@@ -66,10 +68,11 @@ class RegionBackground:
     def _begin(self, scene: SceneModel) -> SceneModel:
         self._scene, self._all = scene, (0, 0, scene.known.shape[1], scene.known.shape[0])
         self._proofs = np.where(scene.known == SEEN, _GIVEN, 0).astype(np.uint8)
-        self._kept, self._kept_at_px = np.zeros(scene.mean.shape, np.uint8), np.zeros(scene.known.shape, np.float32)
+        self._means = scene.mean.reshape(len(scene.mean), -1)  # rows of interleaved colors
+        self._kept, self._kept_at_px = np.zeros(self._means.shape, np.uint8), np.zeros(scene.known.shape, np.float32)
         return scene
 
-    def learn(self, bgr: np.ndarray, region: Region, labels: np.ndarray, places: np.ndarray) -> None:
+    def learn(self, bgr: np.ndarray, region: Region, labels: np.ndarray, places: np.ndarray, every: int = 1) -> None:
         """Take in the region of an image; all of it at first, and whenever the body has gone far. Of a large one rows take turns.
 
         Parameters
@@ -78,21 +81,21 @@ class RegionBackground:
         region : (u0, v0, u1, v1).
         labels : (h, w) uint8 on the region, 0 beside the body.
         places : (n, 2) pixels of points of the body, the same in every image; those that are not finite do not count.
+        every : so many pixels a side have one label.
         """
         first = self._scene is None
         scene = self._scene or self._begin(SceneModel(bgr.shape[0], bgr.shape[1], self._sigma))
-        near, way_px, around = grown(labels, self._margin_px), self._way.to(places), region
+        (near, cell), way_px, around = cells_near(labels, self._margin_px, every), self._way.to(places), region
         everywhere = way_px >= self._look_at_px
         if everywhere:
-            body = np.zeros(bgr.shape[:2], dtype=np.uint8)
-            body[region[1] : region[3], region[0] : region[2]] = near
-            near, region = body, self._all
-            self._look_at_px = way_px + (WAY_PX if way_px < _EARLY_PX else _LATER_PX)
-        every = 1 if first else -(-(region[2] - region[0]) * (region[3] - region[1]) // AT_ONCE)  # rows take turns
+            region, zoom = self._all, max(1.0, len(bgr) / _LINES)
+            self._look_at_px = way_px + zoom * (WAY_PX if way_px < zoom * _EARLY_PX else _LATER_PX)
+        turns = 1 if first else -(-(region[2] - region[0]) * (region[3] - region[1]) // AT_ONCE)  # of rows
         self._turn += 1
-        rows, rate = (self._turn % every, every), np.float32(1.0 - (1.0 - self._rate) ** every if every > 1 else self._rate)
+        rows, rate = (self._turn % turns, turns), np.float32(1.0 - (1.0 - self._rate) ** turns if turns > 1 else self._rate)
         stayed, changed = _learn(
-            bgr, region, rows, around, near, scene.mean, scene.variance, scene.known, self._proofs, self._kept, self._kept_at_px,
+            np.ascontiguousarray(bgr).reshape(len(bgr), -1), region, rows, around, near, cell,
+            self._means, scene.variance, scene.known, self._proofs, self._kept, self._kept_at_px,
             np.float32(way_px), rate, scene.floor, self._moves, not everywhere or self._moves,
         )  # fmt: skip
         if self._turned(stayed, changed):
@@ -115,7 +118,7 @@ class RegionBackground:
         if not self.packed[0].size:
             self.packed = np.zeros(scene.known.shape, dtype=np.uint32), float(scene.floor)
         trusted = self._proofs if self._moves else scene.known
-        _pack(scene.mean, scene.variance, trusted, region, rows, np.float32(1.0 / scene.floor), self.packed[0])
+        _pack(self._means, scene.variance, trusted, region, rows, np.float32(1.0 / scene.floor), self.packed[0])
 
 
 class _Way:
@@ -146,43 +149,83 @@ class _Way:
 
 
 @compiled
-def _learn(bgr, region, rows, around, near, mean, variance, known, proofs, kept, kept_at, way, rate, floor, moves, follow):
+def _learn(bgr, region, rows, around, near, cell, mean, variance, known, proofs, kept, kept_at, way, rate, floor, moves, follow):
     """Take in the pixels of a region that are not near the body; how many ``around`` it have stayed, and how many have not.
 
-    ``rows``: the first one, and how far to the next.
+    ``rows``: the first one, and how far to the next. ``near``: on ``around``, one value for ``cell`` pixels a side. Images have
+    rows of interleaved colors.
     """
     u0, v0, u1, v1 = region
+    n = u1 - u0
+    free, special, off, stays = np.zeros(n, np.uint8), np.zeros(n, np.uint8), np.empty(n, np.float32), np.zeros(n, np.bool_)
+    share, colors = rate if follow else _NOTHING, slice(3 * u0, 3 * u1)
     n_stayed, n_changed = 0, 0
     for v in range(v0 + rows[0], v1, rows[1]):
-        for u in range(u0, u1):
-            if near[v - v0, u - u0] != 0:
+        free[:] = 1
+        if around[1] <= v < around[3]:
+            _block_row(near[(v - around[1]) // cell], cell, around[0] - u0, around[2] - u0, free)
+        n_special = _follow_row(
+            bgr[v, colors], free, known[v, u0:u1], proofs[v, u0:u1], kept_at[v, u0:u1], way, share, floor,
+            mean[v, colors], variance[v, u0:u1], off, stays, special,
+        )  # fmt: skip
+        if n_special == 0:
+            continue
+        for k in range(n):
+            if special[k] == 0:
                 continue
+            u = u0 + k
             is_near = around[0] <= u < around[2] and around[1] <= v < around[3]
-            b, g, r = np.float32(bgr[v, u, 0]), np.float32(bgr[v, u, 1]), np.float32(bgr[v, u, 2])
-            db, dg, dr = b - mean[v, u, 0], g - mean[v, u, 1], r - mean[v, u, 2]
-            off, given, first = db * db + dg * dg + dr * dr, proofs[v, u] == _GIVEN, known[v, u] != _SEEN
-            as_before = off <= _FAR * variance[v, u]
-            if not (given or first or as_before):
+            given, first = proofs[v, u] == _GIVEN, known[v, u] != _SEEN
+            if not (given or first or stays[k]):
                 proofs[v, u] = 0
                 n_changed += moves and is_near  # else it may be an arm that is elsewhere: it is asked once the body has gone
-            if first or (moves and not given and not as_before):
-                mean[v, u, 0], mean[v, u, 1], mean[v, u, 2] = b, g, r
+            if first or (moves and not given and not stays[k]):
+                for c in range(3):
+                    kept[v, 3 * u + c], mean[v, 3 * u + c] = bgr[v, 3 * u + c], np.float32(bgr[v, 3 * u + c])
                 variance[v, u], known[v, u], kept_at[v, u] = _FIRST * floor if follow else floor, _SEEN, way
-                kept[v, u, 0], kept[v, u, 1], kept[v, u, 2] = bgr[v, u, 0], bgr[v, u, 1], bgr[v, u, 2]
-                continue
-            if as_before and follow:  # else something passes by
-                mean[v, u, 0] += rate * db
-                mean[v, u, 1] += rate * dg
-                mean[v, u, 2] += rate * dr
-                variance[v, u] = max(variance[v, u] + rate * (off * _THIRD - variance[v, u]), floor)
-            if not given and way - kept_at[v, u] >= _WAY:
-                db, dg, dr = b - np.float32(kept[v, u, 0]), g - np.float32(kept[v, u, 1]), r - np.float32(kept[v, u, 2])
-                same = db * db + dg * dg + dr * dr <= _SAME * max(variance[v, u], _FIRST * floor)
+            elif not given and way - kept_at[v, u] >= _WAY:
+                square = _NOTHING
+                for c in range(3):
+                    change = np.float32(bgr[v, 3 * u + c]) - np.float32(kept[v, 3 * u + c])
+                    square += change * change
+                    kept[v, 3 * u + c] = bgr[v, 3 * u + c]
+                same = square <= _SAME * max(variance[v, u], _FIRST * floor)
                 proofs[v, u], kept_at[v, u] = _PROVEN if same else 0, way
                 n_stayed += same and is_near
                 n_changed += is_near and not same
-                kept[v, u, 0], kept[v, u, 1], kept[v, u, 2] = bgr[v, u, 0], bgr[v, u, 1], bgr[v, u, 2]
     return n_stayed, n_changed
+
+
+@compiled
+def _block_row(near, cell, first, end, free):
+    """Take out of a row what is near the body, in the columns from ``first`` on, before ``end``."""
+    for i in range(near.size):
+        if near[i] != 0:
+            for k in range(max(first + i * cell, 0), min(first + (i + 1) * cell, end, free.size)):
+                free[k] = 0
+
+
+@compiled
+def _follow_row(bgr, free, known, proofs, kept_at, way, share, floor, mean, variance, off, stays, special):
+    """Follow what ``stays`` as it was; how many pixels need more than that, the ``special`` ones. By itself, for vectors' sake.
+
+    ``off``: squared distance to the mean before.
+    """
+    n_special = 0
+    for k in range(np.uint64(off.size)):
+        b = _3 * k
+        db, dg, dr = np.float32(bgr[b]) - mean[b], np.float32(bgr[b + _1]) - mean[b + _1], np.float32(bgr[b + _2]) - mean[b + _2]
+        off[k] = db * db + dg * dg + dr * dr
+        as_before, seen = off[k] <= _FAR * variance[k], known[k] == _SEEN
+        more = (free[k] != 0) & (~seen | ((proofs[k] != _GIVEN) & (~as_before | (way - kept_at[k] >= _WAY))))
+        stays[k], special[k] = as_before, more
+        n_special += more
+        rate = share if (free[k] != 0) & seen & as_before else _NOTHING
+        mean[b] += rate * db
+        mean[b + _1] += rate * dg
+        mean[b + _2] += rate * dr
+        variance[k] = max(variance[k] + rate * (off[k] * _THIRD - variance[k]), floor)
+    return n_special
 
 
 @compiled
@@ -193,7 +236,13 @@ def _pack(mean, variance, trusted, region, rows, per_least, pixels):
         for k in range(np.uint64(codes.size)):  # by itself, for the sake of vectors
             steps = log_positive(max(variance[i, np.uint64(u0) + k] * per_least, _ONE)) * per_step
             codes[k] = np.uint32(min(steps + _ONE_AND_HALF, _LAST))
-        for j in range(np.uint64(u0), np.uint64(u1)):
-            b, g, r = mean[i, j, 0] + _HALF, mean[i, j, 1] + _HALF, mean[i, j, 2] + _HALF
-            color = np.uint32(b) | (np.uint32(g) << _8) | (np.uint32(r) << _16)
-            pixels[i, j] = color | (codes[j - np.uint64(u0)] << _24) if trusted[i, j] != 0 else np.uint32(0)
+        _pack_row(mean[i, 3 * u0 : 3 * u1], codes, trusted[i, u0:u1], pixels[i, u0:u1])
+
+
+@compiled
+def _pack_row(mean, codes, trusted, pixels):
+    for k in range(np.uint64(codes.size)):
+        b = _3 * k
+        blue, green, red = np.uint32(mean[b] + _HALF), np.uint32(mean[b + _1] + _HALF), np.uint32(mean[b + _2] + _HALF)
+        packed = blue | (green << _8) | (red << _16) | (codes[k] << _24)
+        pixels[k] = packed if trusted[k] != 0 else _UNKNOWN

@@ -6,7 +6,6 @@ on line is mixed with the color that the model states, where the images bear tha
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from functools import lru_cache
@@ -16,7 +15,7 @@ import numpy as np
 
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
-from ..appearance import AT_ONCE, BINS, Region, count_colors, spread_counts
+from ..appearance import BINS, Region, count_colors, spread_counts
 
 N_COLORS = BINS**3
 UNIFORM = 1.0 / N_COLORS
@@ -244,7 +243,7 @@ class RegionColors:
 
     def learn(
         self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int,
-        reliable: np.ndarray | None = None, sure_px: int | None = None,
+        reliable: np.ndarray | None = None, sure_px: int | None = None, every: int = 1,
     ) -> None:  # fmt: skip
         """Mix in the colors of one image.
 
@@ -259,12 +258,9 @@ class RegionColors:
         reliable : (n_shapes,) bool, parts that are where they are drawn; nothing is learned of others.
         sure_px : what is nearer than ``guard_px``, but not than this, may be the body's, or its shadow, and counts a little, as
             do darker shades of all surroundings; None: they do not.
+        every : so many pixels a side of a large image have one label, and one of them tells their colors as well.
         """
-        u0, v0, u1, v1 = region
-        every = math.ceil(math.sqrt(labels.size / AT_ONCE))  # pixel of a large image, and row, tells its colors as well
-        if every > 1:
-            labels, guard_px, reach_px = np.ascontiguousarray(labels[::every, ::every]), guard_px // every, reach_px // every
-            sure_px = None if sure_px is None else sure_px // every
+        guard_px, reach_px, sure_px = guard_px // every, reach_px // every, None if sure_px is None else sure_px // every
         self._casts_shadow = sure_px is not None
         body = (labels > 0).view(np.uint8)
         square = np.ones((2 * guard_px + 1, 2 * guard_px + 1), dtype=np.uint8)
@@ -278,7 +274,8 @@ class RegionColors:
             self._was_reliable[self._classes[reliable]] = True
             self._was_unreliable[self._classes[~reliable]] = True
         counts, scene = np.zeros_like(self._parts), np.zeros(N_COLORS, dtype=np.float32)
-        crop = bgr[v0:v1:every, u0:u1:every].copy()
+        crop = np.empty((*labels.shape, 3), dtype=np.uint8)
+        _pick(bgr, region[0], region[1], every, crop)
         count_colors(crop, cv2.LUT(labels, kinds) * inner, around, counts, scene)
         if sure_px is not None and sure_px < guard_px:
             inside = np.ones((2 * sure_px + 1, 2 * sure_px + 1), dtype=np.uint8)
@@ -302,6 +299,15 @@ class RegionColors:
             shade(self._around, around := np.empty_like(around))
         fill_density(around, around, 0.0, around, 0.0, self.scene)
         self.knows = True
+
+
+@compiled
+def _pick(bgr, u0, v0, every, out):
+    """The pixel in the middle of each cell of ``every`` pixels a side, from (u0, v0) on."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            v, u = v0 + i * every + every // 2, u0 + j * every + every // 2
+            out[i, j, 0], out[i, j, 1], out[i, j, 2] = bgr[v, u, 0], bgr[v, u, 1], bgr[v, u, 2]
 
 
 def trust_stated_colors(cameras: Sequence[RegionColors]) -> None:

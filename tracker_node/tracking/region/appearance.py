@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ...camera.model import CameraModel
 from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.lines.correspondences import Offsets, View
 from ...objective.per_camera import bodies_seen
+from ...observation.appearance import AT_ONCE
 from ...observation.chamfer.observer import checked_backgrounds
 from ...observation.region.background import RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
@@ -124,12 +127,15 @@ class RegionAppearance:
         background = self._config.learn_background and trusted is not None and bool(trusted.all())
 
         def learn(i: int) -> None:
-            found = self._occluders.look(i, bodies[i], self._rig.cameras[i], around)
+            camera, places = self._rig.cameras[i], self._places(i, bodies[i])
+            every = _coarseness(places, around, camera.model)
+            found = self._occluders.look(i, bodies[i], camera, around, every)
             image = images[i]
             if found is not None and image is not None:
-                self._colors[i].learn(image, found.region, found.labels, rate, margin_px, around, trusted, sure_px)
+                region, labels = found.region, found.labels
+                self._colors[i].learn(image, region, labels, rate, margin_px, around, trusted, sure_px, every)
                 if background:
-                    self._rooms[i].learn(image, found.region, found.labels, self._places(i, bodies[i]))
+                    self._rooms[i].learn(image, region, labels, places, every)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
 
@@ -145,3 +151,14 @@ class RegionAppearance:
     def trust_stated(self) -> None:
         """Use the colors that the model states as far as the images agree with them."""
         trust_stated_colors(self._colors)
+
+
+def _coarseness(places: np.ndarray, around_px: int, lens: CameraModel) -> int:
+    """How many pixels a side may have one label, where a body with these places (n, 2) is so large that fewer pixels will do.
+
+    Powers of two: for each the rays of a lens are found anew.
+    """
+    seen = np.clip(places[np.isfinite(places).all(axis=1)], 0.0, (lens.width, lens.height))
+    if not len(seen):
+        return 1
+    return 1 << max(0, math.ceil(0.5 * math.log2(np.prod(np.ptp(seen, axis=0) + 2.0 * around_px) / AT_ONCE)))
