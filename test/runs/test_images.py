@@ -16,6 +16,7 @@ from tracker_node.loaders.images.source import SourceOptions
 from tracker_node.runs.images import (
     config_of_run,
     image_bag_of,
+    image_bags_of,
     options_of,
     rig_from_bag,
     rig_of_run,
@@ -114,6 +115,13 @@ def test_the_bag_of_the_images_is_the_runs_own_or_the_one_it_was_tracked_in(tmp_
     assert image_bag_of(alone, info(bag=str(own), from_run_bag=str(other)), ("cam01",)) == own
     assert image_bag_of(alone, {}, ("cam01",)) is None
     assert image_bag_of(own, {}, ("cam02",)) is None
+
+
+def test_cameras_may_have_their_images_in_bags_of_their_own(tmp_path):
+    own, alone = write_bag(tmp_path / "own", 2), states_alone(tmp_path / "alone")
+    assert image_bags_of(alone, info(bag=str(own)), ("cam01", "cam02")) == {"cam01": own}
+    assert image_bags_of(own, info(bag=str(tmp_path / "gone")), ("cam01",)) == {"cam01": own}
+    assert image_bags_of(alone, {}, ("cam01",)) == {}
 
 
 def test_cameras_of_a_bag_have_it_as_their_source_or_none(tmp_path):

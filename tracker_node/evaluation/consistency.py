@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
@@ -76,19 +76,26 @@ def effective_sets(white: np.ndarray) -> float:
     -------
     From 1 to T.
     """
-    n_sets = white.shape[1]
-    powers = np.array([_correlation_power(white, lag) for lag in range(n_sets)])
+    n_runs, n_sets = white.shape[:2]
+    powers = _own_powers(white[0]) if n_runs == 1 else np.array([_power(white, lag) for lag in range(n_sets)])
     pairs = 2.0 * np.arange(n_sets, 0, -1)  # of sets so far apart
     pairs[0] = n_sets
     return float(np.clip(n_sets**2 * powers[0] / (pairs @ powers), 1.0, n_sets))
 
 
-def _correlation_power(white: np.ndarray, lag: int) -> float:
+def _own_powers(white: np.ndarray) -> np.ndarray:
+    """(T,) ||R(lag)||^2 of each axis of one run (T, n) alone, in that of lag 0; as products of spectra."""
+    n_sets = len(white)
+    spectrum = np.fft.rfft(white, 2 * n_sets, axis=0)
+    products = np.fft.irfft(spectrum * spectrum.conj(), 2 * n_sets, axis=0)[:n_sets]
+    correlations = products / np.arange(n_sets, 0, -1)[:, None]
+    return np.sum((correlations / correlations[0]) ** 2, axis=1)
+
+
+def _power(white: np.ndarray, lag: int) -> float:
     """||R(lag)||^2, without what chance adds to the square of an estimate: products of different runs."""
     n_runs, n_sets = white.shape[:2]
     earlier, later = white[:, : n_sets - lag], white[:, lag:]
-    if n_runs == 1:
-        return float((((earlier * later).mean(axis=(0, 1)) / (white**2).mean(axis=(0, 1))) ** 2).sum())
     R = np.swapaxes(earlier, 1, 2) @ later / (n_sets - lag)
     return float(((R.sum(axis=0) ** 2).sum() - (R**2).sum()) / (n_runs * (n_runs - 1)))
 
@@ -106,7 +113,7 @@ def mean_bounds(n: int, n_sets: float) -> tuple[float, float]:
     low, high.
     """
     tail = 0.5 * (1.0 - CONFIDENCE)
-    low, high = chi2.ppf([tail, 1.0 - tail], n * n_sets) / n_sets
+    low, high = 2.0 * gammaincinv(0.5 * n * n_sets, [tail, 1.0 - tail]) / n_sets  # of chi squared
     return float(low), float(high)
 
 

@@ -114,6 +114,33 @@ def rig_of_run(rig: CameraRig, info: Info, other_file: bool = False) -> CameraRi
     return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
 
 
+def image_bags_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> dict[str, Path]:
+    """The bag with the images of each camera, as of `image_bag_of`, each of which is opened once.
+
+    Parameters
+    ----------
+    bag : of the run.
+    info : content of ``run.json``.
+    cameras : names, by which topics of images are known.
+
+    Returns
+    -------
+    paths : by camera; those whose images are in none are not there.
+    """
+    found: dict[str, Path] = {}
+    for candidate in _candidates(bag, info):
+        with BagReader(candidate) as reader:
+            found |= {name: candidate for name in cameras if name not in found and image_topics(reader, (name,))}
+    return found
+
+
+def _candidates(bag: Path | None, info: Info) -> list[Path]:
+    """Bags that there are and that may hold a run's images, the likeliest first."""
+    options = options_of(info)
+    named = (bag, options.get("bag"), options.get("from_run_bag"))
+    return [Path(name) for name in named if name is not None and Path(name).exists()]
+
+
 def image_bag_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> Path | None:
     """The bag with the images of a run: its own, or that which it was tracked in; None where they came from the rig's sources.
 
@@ -127,12 +154,10 @@ def image_bag_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> Path
     -------
     path : or None.
     """
-    options = options_of(info)
-    for candidate in (bag, options.get("bag"), options.get("from_run_bag")):
-        if candidate is not None and Path(candidate).exists():
-            with BagReader(candidate) as reader:
-                if image_topics(reader, cameras):
-                    return Path(candidate)
+    for candidate in _candidates(bag, info):
+        with BagReader(candidate) as reader:
+            if image_topics(reader, cameras):
+                return candidate
     return None
 
 

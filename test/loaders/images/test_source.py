@@ -1,6 +1,7 @@
 """Image sources: one contract for videos and folders, and what goes wrong with files."""
 
 import itertools
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -220,6 +221,15 @@ def test_images_whose_time_is_over_are_left_out_and_counted(path: Path):
     assert got == [0, 1, 2, 7, 8, 9, 10, 11]
     assert (source.counts.read, source.counts.skipped) == (8, 4)
     assert [number_of(image) for _, image in source] == list(range(N))  # the next pass has all of them
+
+
+def test_none_of_them_is_read_where_that_is_asked_for(path: Path):
+    source, got = open_source(path, rate_hz=25.0), []
+    for _, image in source:
+        got.append(number_of(image))
+        source.skip_before(9 * 40_000_000, math.inf)
+    assert got == [0, 9, 10, 11]
+    assert source.counts.skipped == 8
 
 
 LENS = CameraModel(40, 30, np.array([[40.0, 0.0, 19.5], [0.0, 40.0, 14.5], [0.0, 0.0, 1.0]]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ from ...model.configuration import Configuration
 from ...render.overlay import draw_overlay, masked_image
 from ...render.raycast.raycaster import render_mask
 from ...runs.data import RunData
-from ...runs.images import image_bag_of
+from ...runs.images import image_bags_of
 from ..evaluate import SilhouetteScores, image_numbers
 from ..metrics import intersection_over_union
 from .reference import CameraMasks, read_still
@@ -60,7 +61,7 @@ class ReviewOptions:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What is read of every camera: ``row_of`` an image number, and the numbers that are shown."""
+    """What is read of every camera: ``row_of`` an image number, the numbers that are shown, and bags of images by camera."""
 
     run: RunData
     model: ArticulatedModel
@@ -68,6 +69,7 @@ class _Task:
     row_of: Mapping[int, int]
     shown: set[int]
     options: ReviewOptions
+    bags: Mapping[str, Path]
 
     def configuration(self, number: int) -> Configuration:
         return self.run.configuration(self.model, self.row_of[number])
@@ -108,8 +110,11 @@ def review_images(
     numbers = image_numbers(run, period_ns) + options.first_image
     row_of = {int(numbers[row]): int(row) for row in rows}
     shown = {int(numbers[rows[i]]) for i in spread(len(rows), options.pictures)}
-    task = _Task(run, model, period_ns, row_of, shown, options)
-    review = ImageReview()
+    try:
+        bags = image_bags_of(run.bag, run.info, rig.names)
+    except TrackerError as error:
+        return ImageReview(problems=[str(error)])
+    task, review = _Task(run, model, period_ns, row_of, shown, options, bags), ImageReview()
     for camera in rig:
         progress(f"images of {camera.name}")
         try:
@@ -178,7 +183,7 @@ def _images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int
     """(number, BGR) of the wanted images of a camera."""
     if not wanted:
         return
-    bag = image_bag_of(task.run.bag, task.run.info, (camera.name,))
+    bag = task.bags.get(camera.name)
     if task.run.bag is not None and (camera.source is None or bag not in (None, task.run.bag)):
         yield from _bag_images(task, camera, wanted, bag or task.run.bag)
         return
@@ -188,7 +193,7 @@ def _images(task: _Task, camera: Camera, wanted: set[int]) -> Iterator[tuple[int
     for stamp_ns, image in source:
         later = stamps[bisect_right(stamps, stamp_ns) :]
         if later:
-            source.skip_before(later[0])  # nothing is decoded for the images between
+            source.skip_before(later[0], math.inf)  # nothing is decoded for the images between
         if stamp_ns in numbers:
             yield numbers[stamp_ns], image
 

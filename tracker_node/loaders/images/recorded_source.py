@@ -124,6 +124,7 @@ class ImageSource(ABC):
         self.path, self.options, self.note = path, options, ""
         self.counts = ReadCounts()
         self._skip_before_ns: int | None = None
+        self._most_skipped: float = _MOST_SKIPPED
         self._n_before_pass = self._skipped_in_a_row = 0
         self.native_width, self.native_height, rate_hz, self._n_in_file = self._open()
         own = self._own_times() if options.own_times and options.times_ns is None and options.rate_hz is None else None
@@ -202,14 +203,20 @@ class ImageSource(ABC):
             raise SourceError(self.path, f"image size changes {change}")
         return self._preparation.image(stamp_ns, content)
 
-    def skip_before(self, stamp_ns: int) -> None:
-        """From any thread: images before this stamp are not wanted any more, and as little as possible is done for them."""
-        self._skip_before_ns = stamp_ns
+    def skip_before(self, stamp_ns: int, most: float = _MOST_SKIPPED) -> None:
+        """From any thread: images before this stamp are not wanted any more, and as little as possible is done for them.
+
+        Parameters
+        ----------
+        stamp_ns : nanoseconds.
+        most : so many in a row are left out before one is read in any case.
+        """
+        self._skip_before_ns, self._most_skipped = stamp_ns, most
 
     def _skips(self, i: int) -> bool:
         """Whether image ``i`` of the current pass is to be left out; then it is counted. Some are read in any case."""
         late = self._skip_before_ns is not None and self.stamp_ns(i + self._n_before_pass) < self._skip_before_ns
-        skips = late and self._skipped_in_a_row < _MOST_SKIPPED
+        skips = late and self._skipped_in_a_row < self._most_skipped
         self._skipped_in_a_row = self._skipped_in_a_row + 1 if skips else 0
         self.counts.skipped += skips
         return skips

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from ...model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 
@@ -71,6 +70,8 @@ def _uniform(color: np.ndarray, n: int) -> np.ndarray:
 
 
 def _ellipsoid(ellipsoid: Ellipsoid, color: np.ndarray) -> Patch:
+    import trimesh  # a fifth of a second, which a report of cones does without
+
     sphere = trimesh.creation.icosphere(subdivisions=ELLIPSOID_SUBDIVISIONS)
     points, radii = np.asarray(sphere.vertices), np.asarray(ellipsoid.radii)
     scale = (4.0 / 3.0 * math.pi / sphere.volume) ** (1.0 / 3.0)
