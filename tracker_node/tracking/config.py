@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 from ..errors import FileFormatError
@@ -511,10 +512,17 @@ def flatten(config: TrackerConfig) -> dict[str, Any]:
 
 def describe(config: TrackerConfig | None = None) -> dict[str, dict[str, Any]]:
     """Dotted name -> {default, doc, unit, low, high, choices, of} of every parameter; of those in use in ``config``."""
-    found = {name: {"default": f.default, **f.metadata, "of": of} for name, f, of in named(TrackerConfig)}
-    if config is None:
-        return found
-    return {name: entry for name, entry in found.items() if not entry["of"] or config.tags & set(entry["of"])}
+    return {
+        name: dict(entry)
+        for name, entry in _everything().items()
+        if config is None or not entry["of"] or config.tags & set(entry["of"])
+    }
+
+
+@cache
+def _everything() -> dict[str, dict[str, Any]]:
+    """As of `describe`: not to be changed."""
+    return {name: {"default": f.default, **f.metadata, "of": of} for name, f, of in named(TrackerConfig)}
 
 
 def from_dict(values: dict[str, Any], source: str = "tracker config") -> TrackerConfig:
@@ -555,7 +563,7 @@ def refuse_unused(config: TrackerConfig, name: str, value: Any, source: str) -> 
     ------
     FileFormatError : naming what it belongs to.
     """
-    of = describe()[name]["of"]
+    of = _everything()[name]["of"]
     if of and not config.tags & set(of):
         wanted, there = f"modalities with {' or '.join(of)}", f"[{', '.join(config.modalities)}]"
         if set(of) <= set(BASES) and set(BASES) & config.tags:

@@ -123,7 +123,8 @@ class ConfigParameters:
     def _merged(self, parameters: list[Parameter]) -> tuple[TrackerConfig, tuple[str, ...]]:
         own = {p.name: p.value for p in parameters if p.name in self._known}
         cameras = [self._in_use(p.value) for p in parameters if p.name == _CAMERAS and self._all_cameras]
-        return updated(self.config, own, self._source), cameras[-1] if cameras else self.cameras
+        config = updated(self.config, own, self._source) if own else self.config  # every publisher declares some of its own
+        return config, cameras[-1] if cameras else self.cameras
 
     def _validate(self, parameters: list[Parameter]) -> SetParametersResult:
         if self._declaring:
