@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -25,6 +25,15 @@ class ScoreObjective(Protocol):
 
     def at_row_step(self, row_step: int) -> ScoreObjective:
         """The same images and options, but every n-th image row only."""
+        ...
+
+
+@runtime_checkable
+class PartialObjective(ScoreObjective, Protocol):
+    """One that takes less time where only some parts of a body move."""
+
+    def beside(self, state: State, variables: Sequence[int]) -> ScoreObjective:
+        """The same for states that differ from ``state`` in ``variables`` alone, to rounding."""
         ...
 
 
@@ -60,6 +69,9 @@ class SearchResult:
     trace: tuple[ScoredState, ...] = ()
 
 
+_ALIKE = 3  # times as many links
+
+
 class VariableSpace:
     """Pose variables within the joints' limits, scored and counted."""
 
@@ -71,8 +83,9 @@ class VariableSpace:
         self.evaluations = 0
         self.per_variable = np.zeros(self.size)
         self.trace: list[ScoredState] | None = [] if keep_trace else None
-        self._whole = self._objective = objective
-        self._stage = 0
+        self._whole = self._objective = self._staged = objective
+        self._moved = [frozenset(np.flatnonzero(moved).tolist()) for moved in chain.link_moved_by.T]
+        self._stage, self._row_step, self._held = 0, 1, tuple[int, ...]()
 
     def begin_stage(self, stage: int, row_step: int) -> None:
         """What is scored from now on.
@@ -83,7 +96,38 @@ class VariableSpace:
         row_step : every n-th image row is scored; 1 leaves the objective as it was given.
         """
         self._stage = stage
-        self._objective = self._whole if row_step == 1 else self._whole.at_row_step(row_step)
+        if row_step != self._row_step:
+            self._row_step, self._held = row_step, ()
+            self._staged = self._objective = self._whole if row_step == 1 else self._whole.at_row_step(row_step)
+
+    def together(self, variables: Sequence[int]) -> list[list[int]]:
+        """Runs of variables that move about the same links: all of them one, and that not many times as many as another.
+
+        Parameters
+        ----------
+        variables : in the order in which they are stepped.
+
+        Returns
+        -------
+        runs : one of all where that makes no difference to the objective.
+        """
+        if not isinstance(self._staged, PartialObjective):
+            return [list(variables)]
+        runs, most = [list(variables[:1])], self._moved[variables[0]]
+        for i in variables[1:]:
+            if self._moved[i] <= most and _ALIKE * len(self._moved[i]) >= len(most):
+                runs[-1].append(i)
+            else:
+                runs.append([i])
+                most = self._moved[i]
+        return runs
+
+    def hold(self, x: np.ndarray, variables: Sequence[int]) -> bool:
+        """From now on only these variables change; whether scores are to be taken anew, since they are rounded otherwise."""
+        if self._held == tuple(variables) or not isinstance(self._staged, PartialObjective):
+            return False
+        self._held, self._objective = tuple(variables), self._staged.beside(configuration.from_variables(x), variables)
+        return True
 
     def scores(self, points: Sequence[np.ndarray], variable: int | None = None, active: Sequence[int] = ()) -> np.ndarray:
         """Score points, and count them.

@@ -167,17 +167,20 @@ def step_downhill(
         last = number == len(options.schedule) - 1
         use_v = options.v == "every_line" or (options.v == "last_loop" and last)
         converged = True
-        for i in variables:
+        for run in space.together(variables):
+            if space.hold(x, run):
+                score = float(space.scores([x], active=run)[0])
+            for i in run:
 
-            def scores_at(values: list[float], i: int = i, base: np.ndarray = x) -> np.ndarray:
-                points = np.repeat(base[None], len(values), axis=0)
-                points[:, i] = values
-                return space.scores(list(points), variable=i)
+                def scores_at(values: list[float], i: int = i, base: np.ndarray = x) -> np.ndarray:
+                    points = np.repeat(base[None], len(values), axis=0)
+                    points[:, i] = values
+                    return space.scores(list(points), variable=i)
 
-            step = loop.step_m if i < 3 else loop.step_rad
-            limits = float(space.lower[i]), float(space.upper[i])
-            line = _walk_line(scores_at, float(x[i]), score, step, limits, options, use_v)
-            x[i], score, converged = line.place, line.score, converged and line.ended
+                step = loop.step_m if i < 3 else loop.step_rad
+                limits = float(space.lower[i]), float(space.upper[i])
+                line = _walk_line(scores_at, float(x[i]), score, step, limits, options, use_v)
+                x[i], score, converged = line.place, line.score, converged and line.ended
     return space.result(x, score, converged)
 
 

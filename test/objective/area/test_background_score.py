@@ -11,11 +11,13 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import ModelError
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape
-from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.configuration import Configuration, State, from_variables, to_variables
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
 from tracker_node.objective.area.background_score import BackgroundObjective, BackgroundOptions
+from tracker_node.optimize.score_objective import PartialObjective
+from tracker_node.optimize.stepping import SteppingOptions, schedule, step_downhill
 from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.synthesis.scenes.scene import make_rig
@@ -162,3 +164,44 @@ def test_only_smooth_shapes():
     brick = ArticulatedModel("brick", KinematicChain(("brick",), ()), (Shape("body", "brick", Box((0.1, 0.1, 0.1))),))
     with pytest.raises(ModelError, match="brick"):
         BackgroundObjective(brick, RIG, np.zeros((len(RIG), 1, 3)), backgrounds())
+
+
+def test_parts_beside_others_that_stay_score_as_the_whole_body_does():
+    """But for pixels in which surfaces lie in each other. At every row and every second one; the root moves everything."""
+    rng, whole = np.random.default_rng(4), objective(images())
+    elbow = next(i for i, joint in enumerate(MODEL.chain.joints) if joint.name.startswith("left_elbow"))
+    first = 6 + sum(len(joint.axes) for joint in MODEL.chain.joints[:elbow])
+    variables = [first]
+    states = []
+    for angle in rng.uniform(-1.0, 1.0, 5):
+        values = to_variables(STATE)
+        values[variables] += angle
+        states.append(from_variables(values))
+    beside = whole.beside(STATE, variables)
+    assert isinstance(whole, PartialObjective) and beside is not whole
+    for one, part in ((whole, beside), (whole.at_row_step(2), beside.at_row_step(2))):
+        np.testing.assert_allclose(part.scores(states), one.scores(states), rtol=2e-6)
+        assert part.score(states[2]) == pytest.approx(one.score(states[2]), rel=1e-3)
+    assert np.ptp(whole.scores(states)) > 1e-3
+    assert whole.beside(STATE, [0, first]) is whole
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_stepping_a_body_ends_as_low_as_stepping_on_the_whole_score_does(threads: int):
+    class Whole:
+        """The same score, which does not know what moves."""
+
+        def __init__(self, score: BackgroundObjective):
+            self.score, self.scores = score.score, score.scores
+
+        def at_row_step(self, row_step: int) -> "Whole":
+            return Whole(made.at_row_step(row_step))
+
+    made = BackgroundObjective(MODEL, RIG, COLORS, backgrounds(), workers=Workers(threads))
+    made.set_images(images())
+    start = STATE.retract(0.02 * np.random.default_rng(1).normal(size=MODEL.n_dof))
+    options = SteppingOptions(schedule((3, 1), (1, 0.5)))
+    found, expected = (step_downhill(one, start, MODEL.chain, options) for one in (made, Whole(made)))
+    assert found.score == pytest.approx(expected.score, rel=0.02)
+    assert found.score == pytest.approx(made.score(found.state), rel=1e-3)
+    assert found.score < 0.8 * made.score(start)

@@ -148,6 +148,21 @@ class BackgroundObjective:
         totals = self._totals(states)
         return self._scores(totals[:, :, 0], totals[:, :, 1])
 
+    def beside(self, state: State, variables: Sequence[int]) -> BackgroundObjective | _Beside:
+        """The same for states that differ in some variables alone: what these do not move is drawn once.
+
+        Parameters
+        ----------
+        state : the others as they stay.
+        variables : indices, as of `model.configuration.to_variables`.
+
+        Returns
+        -------
+        objective : this one where everything moves.
+        """
+        moved = np.any(self.model.chain.link_moved_by[self.model.shape_links][:, list(variables)], axis=1)
+        return self if moved.all() or not moved.any() else _Beside(self, state, moved)
+
     def _scores(self, gains: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         everything = max(float(self._all.sum()), 1e-9)
         return np.where(pixels.sum(axis=1) > 0, 1.0 - gains.sum(axis=1) / everything, math.inf)
@@ -155,8 +170,7 @@ class BackgroundObjective:
     def _totals(self, states: Sequence[State]) -> np.ndarray:
         """Gains and pixels, (n_states, n_cameras, 2)."""
         self._fill()
-        joints = np.array([state.joint_positions for state in states]).reshape(len(states), -1)
-        return self._area.totals(np.array([state.T_world_root for state in states]), joints)
+        return self._area.totals(*_poses_of(states))
 
     def _fill(self) -> None:
         """Maps are made when they are first asked for."""
@@ -185,3 +199,28 @@ class BackgroundObjective:
             maps[i] = found
         self._area.set_maps(maps, np.arange(len(self.model.shapes)))
         self._stale = False
+
+
+def _poses_of(states: Sequence[State]) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (n, 4, 4) and joint positions (n, n_axes)."""
+    joints = np.array([state.joint_positions for state in states]).reshape(len(states), -1)
+    return np.array([state.T_world_root for state in states]), joints
+
+
+class _Beside:
+    """A `BackgroundObjective` of parts (n_shapes,) that move, beside the others where a state has them."""
+
+    def __init__(self, whole: BackgroundObjective, state: State, moved: np.ndarray):
+        self._whole, self._state, self._moved = whole, state, moved
+        whole._fill()
+        self._held = whole._area.hold(state.T_world_root, state.joint_positions, moved)
+
+    def score(self, state: State) -> float:
+        return float(self.scores([state])[0])
+
+    def scores(self, states: Sequence[State]) -> np.ndarray:
+        totals = self._whole._area.totals_beside(self._held, *_poses_of(states)) + self._held.totals
+        return self._whole._scores(totals[:, :, 0], totals[:, :, 1])
+
+    def at_row_step(self, row_step: int) -> _Beside:
+        return _Beside(self._whole.at_row_step(row_step), self._state, self._moved)

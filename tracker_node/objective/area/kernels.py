@@ -38,7 +38,6 @@ from ..color.drawing import (
     prepare_camera,
 )
 
-REST = np.int32(LABEL_BITS)  # label of all parts that stay
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -160,7 +159,8 @@ def draw_rest(shapes, smooth, Ts_world_shape, camera, view, rays, tables, maps, 
     shapes, smooth : see `score_poses`.
     Ts_world_shape : (n, 4, 4).
     camera, view, rays, tables, maps, map_of_shape, work, stride : see `score_poses`.
-    buffer : (h * ``stride``,) int32, all zero; their depths, labeled `REST`, are written.
+    buffer : (h * ``stride``,) int32, all zero; their depths are written, without labels: parts that move
+        lie before them where both are as near, as they do in a body whose limbs' ends come last.
     gains : (h, w) float32, overwritten: the value of the part's map where it shows, else 0.
     """
     region = np.zeros(4, dtype=np.int64)
@@ -172,7 +172,7 @@ def draw_rest(shapes, smooth, Ts_world_shape, camera, view, rays, tables, maps, 
             label = buffer[at] & LABEL_BITS
             if label > 0:
                 gains[v, u] = maps[map_of_shape[label - 1], v, u]
-                buffer[at] |= REST
+                buffer[at] &= ~LABEL_BITS
 
 
 @compiled
@@ -211,7 +211,7 @@ def score_poses(
             for v in range(region[1], region[3]):
                 for u in range(region[0], min(region[2], view[WIDTH])):
                     label = buffer[v * stride + u] & LABEL_BITS
-                    if 0 < label < REST:
+                    if label > 0:
                         gain += maps[map_of_shape[label - 1], v, u] - gains[v, u]
                         seen += 1
             totals[n, 0] += gain

@@ -99,9 +99,26 @@ def fill_explained(bgr, costs, colors, caps, maps):
     caps : (2,) see `_color_cost`.
     maps : (n, h, w) float32, overwritten.
     """
-    for k in range(maps.shape[0]):
-        red, green, blue = colors[k, 0], colors[k, 1], colors[k, 2]
-        for v in range(maps.shape[1]):
-            for u in range(maps.shape[2]):
-                b, g, r = np.float32(bgr[v, u, 0]), np.float32(bgr[v, u, 1]), np.float32(bgr[v, u, 2])
-                maps[k, v, u] = costs[v, u] - _color_cost(r, g, b, red, green, blue, caps)
+    width = np.uint64(maps.shape[2])
+    seen = np.empty((6, maps.shape[2]), dtype=np.float32)  # of a row: RGB, and RGB over intensity
+    for v in range(maps.shape[1]):
+        for u in range(width):
+            b, g, r = np.float32(bgr[v, u, 0]), np.float32(bgr[v, u, 1]), np.float32(bgr[v, u, 2])
+            one = _HUE / (r + g + b + _DARK)
+            seen[0, u], seen[1, u], seen[2, u], seen[3, u], seen[4, u], seen[5, u] = r, g, b, r * one, g * one, b * one
+        for k in range(maps.shape[0]):
+            _explained_row(seen[0], seen[1], seen[2], seen[3], seen[4], seen[5], costs[v], colors[k], caps, maps[k, v])
+
+
+@compiled(fastmath=True)
+def _explained_row(r, g, b, hue_r, hue_g, hue_b, costs, color, caps, out):
+    """One row of `fill_explained` for one color (`_color_cost`). By itself, for the sake of vectors."""
+    red, green, blue = color[0], color[1], color[2]
+    over = _HUE / (red + green + blue + _DARK)
+    hue_red, hue_green, hue_blue, raw_cap, hue_cap = red * over, green * over, blue * over, caps[0], caps[1]
+    for u in range(np.uint64(out.size)):
+        dr, dg, db = r[u] - red, g[u] - green, b[u] - blue
+        raw = dr * dr + dg * dg + db * db
+        dr, dg, db = hue_r[u] - hue_red, hue_g[u] - hue_green, hue_b[u] - hue_blue
+        hue = dr * dr + dg * dg + db * db
+        out[u] = costs[u] - raw / (raw + raw_cap) - hue / (hue + hue_cap)

@@ -24,6 +24,7 @@ from ..color.views import ColorViews
 from .kernels import draw_rest, place_shapes, score_poses
 
 _FEW = 4  # poses a thread; of fewer, threads share the cameras
+_LITTLE = 100  # shapes to draw in all cameras and poses, below which one thread is as quick
 
 
 class AreaScore:
@@ -75,49 +76,105 @@ class AreaScore:
         -------
         (n, n_cameras, 2): sums of the maps, and pixels in which the parts show; zeros for cameras without maps.
         """
+        if shapes is not None and not shapes.all():
+            return self.totals_beside(self.hold(roots[0], joints[0], shapes), roots, joints)
+        moving = self._shapes.part(self._placed(roots, joints), self._map_of_shape)
+        return self._totals(moving, [None] * len(self.cameras))
+
+    def hold(self, root: np.ndarray, joints: np.ndarray, shapes: np.ndarray) -> HeldParts:
+        """Draw what stays of a body while some of its parts are tried in many poses.
+
+        Parameters
+        ----------
+        root, joints : (4, 4) and (n_axes,) of the pose.
+        shapes : (n_shapes,) mask of the parts that move, not all.
+
+        Returns
+        -------
+        held : until other maps are set.
+        """
+        placed = self._placed(root[None], joints[None])
+        still = self._shapes.some(~shapes).part(np.ascontiguousarray(placed[:, ~shapes]), self._map_of_shape[~shapes])
+
+        def drawn(i: int) -> _Rest:
+            lens, given, stride = self.cameras[i].model, *self._given(i)
+            rest, gains = np.zeros(stride * lens.height, dtype=np.int32), np.empty((lens.height, lens.width), dtype=np.float32)
+            n = still.placed.shape[1]
+            arrays = _Work.arrays_for(n, lens.height)
+            draw_rest(still.packed, still.smooth, still.placed[0], *given, still.maps, arrays, stride, rest, gains)
+            return _Rest(rest, gains, rest.copy())
+
+        rests: list[_Rest | None] = [None] * len(self.cameras)
+        seen = [i for i, maps in enumerate(self._maps) if maps is not None]
+        for i, rest in zip(seen, self._workers.map(drawn, seen), strict=True):
+            rests[i] = rest
+        return HeldParts(shapes, self._shapes.some(shapes), tuple(rests))
+
+    def totals_beside(self, held: HeldParts, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
+        """What poses of the parts that move gain, against not being there.
+
+        Parameters
+        ----------
+        held : of `hold`.
+        roots, joints : (n, 4, 4) and (n, n_axes) of the poses, n > 0.
+
+        Returns
+        -------
+        (n, n_cameras, 2): as of `totals`.
+        """
+        placed = np.ascontiguousarray(self._placed(roots, joints)[:, held.shapes])
+        return self._totals(held.moving.part(placed, self._map_of_shape[held.shapes]), held.rests)
+
+    def _placed(self, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
+        """(n, n_shapes, 4, 4) of all shapes."""
         chain, own = self.model.chain, self._shapes
         placed = np.empty((len(roots), len(own.kinds), 4, 4))
         packed = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
         place_shapes(packed, own.links, own.places, np.ascontiguousarray(roots), np.ascontiguousarray(joints), placed)
-        if shapes is None or shapes.all():
-            moving, still = _Part(own.packed, own.smooth, placed, self._map_of_shape), None
-        else:
-            moving = own.part(shapes, np.ascontiguousarray(placed[:, shapes]), self._map_of_shape)
-            still = own.part(~shapes, np.ascontiguousarray(placed[:1, ~shapes]), self._map_of_shape)
-        totals = np.zeros((len(self.cameras), len(roots), 2))
+        return placed
+
+    def _totals(self, moving: _Part, rests: Sequence[_Rest | None]) -> np.ndarray:
+        """(n, n_cameras, 2) of the parts that move beside what is drawn already."""
+        n_poses = len(moving.placed)
+        totals = np.zeros((len(self.cameras), n_poses, 2))
         seen = [i for i, maps in enumerate(self._maps) if maps is not None]
-        n = self._workers.threads
-        if len(roots) >= _FEW * n:
-            parts = [(slice(len(roots) * k // n, len(roots) * (k + 1) // n), seen) for k in range(n)]
+        n = self._workers.threads if n_poses * len(seen) * len(moving.maps) >= _LITTLE else 1
+        if n_poses >= _FEW * n:
+            parts = [(slice(n_poses * k // n, n_poses * (k + 1) // n), seen) for k in range(n)]
         else:
             parts = [(slice(None), seen[k::n]) for k in range(n)]
 
         def run(k: int) -> None:
             poses, cameras = parts[k]
             for i in cameras:
-                self._score(i, moving, moving.placed[poses], still, self._work[k], totals[i, poses])
+                alone = n == 1 or cameras is not seen
+                self._score(i, moving, moving.placed[poses], rests[i], self._work[k], totals[i, poses], alone)
 
         self._workers.map(run, [k for k, (_, cameras) in enumerate(parts) if cameras])
         return np.swapaxes(totals, 0, 1)
 
-    def _score(self, i: int, moving: _Part, poses: np.ndarray, still: _Part | None, work: _Work, totals: np.ndarray) -> None:
-        """One camera: ``poses`` (n, n_moving, 4, 4) of the parts that move."""
-        lens, maps, table, views = self.cameras[i].model, self._maps[i], self._tables[i], self._views
-        assert maps is not None
-        stride = (lens.width // LANES + 2) * LANES
+    def _given(self, i: int) -> tuple[tuple, int]:
+        """What kernels take of a camera, and the stride of what they draw on."""
+        table, views, lens = self._tables[i], self._views, self.cameras[i].model
         camera = (views.params[i], views.limits[i], self._Ts_cam_world[i])
-        given = (camera, views.views[i], views.rays, (table.xs, table.ys), maps)
+        return (camera, views.views[i], views.rays, (table.xs, table.ys), self._maps[i]), (lens.width // LANES + 2) * LANES
+
+    def _score(
+        self, i: int, moving: _Part, poses: np.ndarray, held: _Rest | None, work: _Work, totals: np.ndarray, alone: bool
+    ) -> None:  # fmt: skip
+        """One camera: ``poses`` (n, n_moving, 4, 4) of the parts that move. ``alone``: no other thread draws in it."""
+        lens, given, stride = self.cameras[i].model, *self._given(i)
         size, shape = stride * lens.height, (lens.height, lens.width)
-        buffer, rest = work.buffer[:size], work.nothing[:size]
-        gains = work.no_gains[: lens.height * lens.width].reshape(shape)
-        if still is not None:
-            rest, gains = np.zeros(size, dtype=np.int32), np.empty(shape, dtype=np.float32)
-            arrays = work.arrays_of(still.placed.shape[1])
-            draw_rest(still.packed, still.smooth, still.placed[0], *given, still.maps, arrays, stride, rest, gains)
-            buffer[:] = rest
+        buffer, rest, gains = work.buffer[:size], work.nothing[:size], work.no_gains[: lens.height * lens.width].reshape(shape)
+        if held is not None:
+            rest, gains = held.rest, held.gains
+            if alone:
+                buffer = held.buffer
+            else:
+                buffer[:] = rest
         arrays = work.arrays_of(poses.shape[1])
         score_poses(moving.packed, moving.smooth, poses, *given, moving.maps, arrays, stride, rest, gains, buffer, totals)
-        if still is not None:
+        if held is not None and not alone:
             buffer[:] = 0
 
     def scores(self, roots: np.ndarray, joints: np.ndarray) -> np.ndarray:
@@ -132,6 +189,36 @@ class AreaScore:
         (n,)
         """
         return self.totals(roots, joints)[:, :, 0].sum(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """What stays, in one camera: `draw_rest`'s ``rest`` and ``gains``, and a copy of the former to draw over."""
+
+    rest: np.ndarray
+    gains: np.ndarray
+    buffer: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class HeldParts:
+    """Parts of a body that stay where they are, drawn once.
+
+    Attributes
+    ----------
+    shapes, moving : (n_shapes,) mask of the others, and these.
+    rests : what is drawn, by camera; None: it has no maps.
+    """
+
+    shapes: np.ndarray
+    moving: _Shapes
+    rests: tuple[_Rest | None, ...]
+
+    @cached_property
+    def totals(self) -> np.ndarray:
+        """(n_cameras, 2): what they gain alone, and pixels in which they show."""
+        found = [(0.0, 0) if r is None else (r.gains.sum(dtype=np.float64), np.count_nonzero(r.rest)) for r in self.rests]
+        return np.array(found, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,9 +254,11 @@ class _Shapes:
                 places[i] = places[i] @ se3.from_rotation_translation(np.eye(3), 0.5 * (low + high))
         return cls(kinds, dims, arrays.links, places)
 
-    def part(self, mask: np.ndarray, placed: np.ndarray, map_of_shape: np.ndarray) -> _Part:
-        some = _Shapes(self.kinds[mask], self.dims[mask], self.links[mask], self.places[mask])
-        return _Part(some.packed, some.smooth, placed, map_of_shape[mask])
+    def some(self, mask: np.ndarray) -> _Shapes:
+        return _Shapes(self.kinds[mask], self.dims[mask], self.links[mask], self.places[mask])
+
+    def part(self, placed: np.ndarray, map_of_shape: np.ndarray) -> _Part:
+        return _Part(self.packed, self.smooth, placed, map_of_shape)
 
     @cached_property
     def smooth(self) -> bool:
@@ -194,11 +283,16 @@ class _Work:
 
     @classmethod
     def of(cls, n_shapes: int, height: int, size: int) -> _Work:
-        arrays = (
+        nothing, buffer = np.zeros((2, size), dtype=np.int32)
+        return cls(cls.arrays_for(n_shapes, height), nothing, buffer, np.zeros(size, dtype=np.float32))
+
+    @staticmethod
+    def arrays_for(n_shapes: int, height: int) -> tuple[np.ndarray, ...]:
+        """For as many shapes in images of one height."""
+        return (
             np.zeros((n_shapes, N_COEFFICIENTS), dtype=np.float32), np.zeros((n_shapes, N_SURFACE), dtype=np.float32),
             np.zeros((n_shapes, 4), dtype=np.int64), np.zeros((n_shapes, height, 2), dtype=np.int32),
         )  # fmt: skip
-        return cls(arrays, np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.float32))
 
     def arrays_of(self, n: int) -> tuple[np.ndarray, ...]:
         """For ``n`` shapes."""

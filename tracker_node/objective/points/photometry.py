@@ -29,7 +29,8 @@ _BLUR = 1.2  # px, before every halving
 _FINEST_BLUR = 0.7  # px
 _GAIN_STEP_PX = 4  # from pixel to pixel, across and down, that tell of an image's gain
 _REWEIGHTED = 3  # times that gains of images are found, each with the weights of the one before
-_LEAST_SUM = 20.0  # of red, green and blue, for the intensity-normalized color of a dark pixel
+_LEAST_SUM = np.float32(20.0)  # of red, green and blue, for the intensity-normalized color of a dark pixel
+_WHITE = np.float32(255.0)
 
 
 Picture = tuple[np.ndarray, float, float, int]
@@ -71,11 +72,26 @@ def features_of(rgb: np.ndarray, options: PhotometryOptions) -> np.ndarray:
     rgb = np.asarray(rgb, dtype=np.float32)
     if options.representation == "raw":
         return rgb
-    normalized = 255.0 * rgb / np.maximum(rgb.sum(axis=-1, keepdims=True), _LEAST_SUM)
-    if options.representation == "normalized":
-        return np.asarray(normalized, dtype=np.float32)
-    raw_share, normalized_share = math.sqrt(1.0 - options.normalized_weight), math.sqrt(options.normalized_weight)
-    return np.concatenate([raw_share * rgb, normalized_share * normalized], axis=-1, dtype=np.float32)
+    weight = 1.0 if options.representation == "normalized" else options.normalized_weight
+    n = 3 if options.representation == "normalized" else 6
+    features = np.empty((*rgb.shape[:-1], n), dtype=np.float32)
+    shares = np.float32(math.sqrt(1.0 - weight)), np.float32(math.sqrt(weight))
+    _fill_features(np.ascontiguousarray(rgb).reshape(-1, 3), *shares, features.reshape(-1, n))
+    return features
+
+
+@compiled
+def _fill_features(rgb, raw_share, normalized_share, out):
+    """Weighted RGB, where there is room for it, and then weighted RGB over intensity."""
+    n = out.shape[1]
+    for i in range(rgb.shape[0]):
+        r, g, b = rgb[i, 0], rgb[i, 1], rgb[i, 2]
+        over = max(r + g + b, _LEAST_SUM)
+        if n == 6:
+            out[i, 0], out[i, 1], out[i, 2] = raw_share * r, raw_share * g, raw_share * b
+        out[i, n - 3] = normalized_share * (_WHITE * r / over)
+        out[i, n - 2] = normalized_share * (_WHITE * g / over)
+        out[i, n - 1] = normalized_share * (_WHITE * b / over)
 
 
 @dataclass(frozen=True, eq=False)

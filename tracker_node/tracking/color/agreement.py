@@ -7,7 +7,7 @@ nearly 1 when all is right, nearly 0 on something else.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -16,6 +16,7 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...objective.per_camera import serial
 from ...objective.points.photometry import PhotometryOptions, features_of
 from ...render.raycast.raycaster import render_color, render_labels
 from ..modality import Images
@@ -76,8 +77,9 @@ def _share(squares: np.ndarray, chance: np.ndarray, seen: np.ndarray) -> np.ndar
 
 
 def agreement_of(
-    painted: Sequence[ArticulatedModel], rig: CameraRig, images: Images, state: State, options: PhotometryOptions
-) -> ColorAgreement:
+    painted: Sequence[ArticulatedModel], rig: CameraRig, images: Images, state: State, options: PhotometryOptions,
+    parallel: Callable[[Callable, list], list] = serial,
+) -> ColorAgreement:  # fmt: skip
     """Agreement of a body with the images.
 
     Parameters
@@ -87,16 +89,20 @@ def agreement_of(
     images : by camera.
     state : of the body.
     options : what of a color is compared.
+    parallel : maps a function over cameras.
 
     Returns
     -------
     By camera and part.
     """
-    n = len(painted[0].shapes)
-    sums = np.zeros((3, len(rig), n))
-    for i, (model, camera, image) in enumerate(zip(painted, rig, images, strict=True)):
+    sums = np.zeros((3, len(rig), len(painted[0].shapes)))
+
+    def look(i: int) -> None:
+        image = images[i]
         if image is not None:
-            _look(model, camera, rig, image, state, options, sums[:, i])
+            _look(painted[i], rig.cameras[i], rig, image, state, options, sums[:, i])
+
+    parallel(look, list(range(len(rig))))
     return ColorAgreement(*sums)
 
 

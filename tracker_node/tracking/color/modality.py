@@ -134,8 +134,8 @@ class ColorModality(Modality):
     def agreement(self, state: State) -> ColorAgreement:
         """How far the colors agree in the present images; that of the last state is kept."""
         if self._agreement is None or self._agreement[0] is not state:
-            painted = self._photometry.painted
-            self._agreement = state, agreement_of(painted, self._rig, self._images, state, self._options)
+            painted, parallel = self._photometry.painted, self._photometry.parallel
+            self._agreement = state, agreement_of(painted, self._rig, self._images, state, self._options, parallel)
         return self._agreement[1]
 
     def variance(self, state: State) -> float:

@@ -21,6 +21,7 @@ from ...objective.constraints.prior import Prior
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
 from ...optimize.levenberg_marquardt import clip_to_limits
+from ...optimize.score_objective import PartialObjective, ScoreObjective
 from ...optimize.stepping import SteppingOptions, schedule, step_downhill
 from ...parallel import Workers
 from ...render.raycast.raycaster import render_labels
@@ -117,7 +118,7 @@ class BackgroundJudge(ColorJudge):
 class _WithPriors:
     """The score with priors (`ScoreObjective`)."""
 
-    def __init__(self, objective: BackgroundObjective, priors: Sequence[Prior]):
+    def __init__(self, objective: ScoreObjective, priors: Sequence[Prior]):
         self._objective, self._priors = objective, priors
 
     def _prior(self, state: State) -> float:
@@ -132,6 +133,10 @@ class _WithPriors:
 
     def at_row_step(self, row_step: int) -> _WithPriors:
         return _WithPriors(self._objective.at_row_step(row_step), self._priors)
+
+    def beside(self, state: State, variables: Sequence[int]) -> _WithPriors:
+        assert isinstance(self._objective, PartialObjective)
+        return _WithPriors(self._objective.beside(state, variables), self._priors)
 
 
 class BackgroundSearch(ColorSearch):
