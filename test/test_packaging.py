@@ -19,7 +19,7 @@ from packaging.utils import canonicalize_name
 
 import tracker_node
 
-EXECUTABLES = {"camera_ingest", "keypoints", "pipeline", "player", "recorder", "rectify", "tracker", "tracker_node"}
+EXECUTABLES = {"camera_ingest", "compose", "keypoints", "pipeline", "player", "recorder", "rectify", "tracker", "tracker_node"}
 
 
 def manifest(path: Path) -> ElementTree.Element:

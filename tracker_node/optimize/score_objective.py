@@ -33,7 +33,13 @@ class PartialObjective(ScoreObjective, Protocol):
     """One that takes less time where only some parts of a body move."""
 
     def beside(self, state: State, variables: Sequence[int]) -> ScoreObjective:
-        """The same for states that differ from ``state`` in ``variables`` alone, to rounding."""
+        """The same, to rounding, for states that differ in some variables alone.
+
+        Parameters
+        ----------
+        state : the others as they stay.
+        variables : indices, as of `model.configuration.to_variables`.
+        """
         ...
 
 
@@ -123,7 +129,17 @@ class VariableSpace:
         return runs
 
     def hold(self, x: np.ndarray, variables: Sequence[int]) -> bool:
-        """From now on only these variables change; whether scores are to be taken anew, since they are rounded otherwise."""
+        """Score states from now on in which some variables alone change.
+
+        Parameters
+        ----------
+        x : (n_variables,) the others as they stay.
+        variables : those that change.
+
+        Returns
+        -------
+        changed : whether a score of before is to be taken anew, since it is rounded otherwise now.
+        """
         if self._held == tuple(variables) or not isinstance(self._staged, PartialObjective):
             return False
         self._held, self._objective = tuple(variables), self._staged.beside(configuration.from_variables(x), variables)
