@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.bodies.bodies import crane
+from helpers.numeric.analytic_scores import hinged
 from tracker_node.model import configuration
 from tracker_node.model.configuration import State
 from tracker_node.optimize.score_objective import VariableSpace
@@ -101,3 +102,33 @@ def test_no_trace_is_kept_unless_it_is_asked_for():
     assert found.trace is None
     assert found.result(np.zeros(SIZE), 0.0, True).trace == ()
     assert space(keep_trace=True).trace == []
+
+
+class PartSums(Sums):
+    """The same, which is told what stays."""
+
+    def beside(self, state, variables):
+        self.asked.append(("beside", self.row_step, tuple(variables)))
+        return Sums(self.row_step, self.asked)
+
+    def at_row_step(self, row_step):
+        return PartSums(row_step, self.asked)
+
+
+def test_variables_of_a_limb_are_stepped_together_and_the_rest_is_held_once():
+    chain = hinged(*[(-1.0, 1.0)] * 8)  # a snake: each hinge moves one link less than that before
+    score = PartSums()
+    found = VariableSpace(score, State(np.eye(4), np.zeros(8)), chain)
+    whole = VariableSpace(Sums(), State(np.eye(4), np.zeros(8)), chain)
+    assert found.together(range(14)) == [[*range(12)], [12, 13]]  # those that move nine links down to three, then two and one
+    assert found.together([12, 7, 13]) == [[12], [7], [13]]
+    assert whole.together([3, 13]) == [[3, 13]]
+    found.begin_stage(0, 2)
+    assert found.hold(found.start, [12, 13])
+    assert not found.hold(found.start, [12, 13])
+    found.begin_stage(1, 2)
+    assert not found.hold(found.start, [12, 13])  # the same rows: drawn already
+    found.begin_stage(2, 1)
+    assert found.hold(found.start, [12, 13])
+    assert score.asked == [("beside", 2, (12, 13)), ("beside", 1, (12, 13))]
+    assert not whole.hold(found.start, [12])
