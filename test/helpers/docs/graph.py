@@ -16,8 +16,9 @@ from tracker_node.ros.conversions import stamp_ns_of
 
 
 def name_of(verb: str, arguments: list[str]) -> str:
-    """Of a node, as its command line gives it."""
-    return next((word.removeprefix("__node:=") for word in arguments if word.startswith("__node:=")), verb)
+    """Of a node, as its command line gives it; of several in one process that which others wait for."""
+    usual = "tracker" if verb == "compose" else verb
+    return next((word.removeprefix("__node:=") for word in arguments if word.startswith("__node:=")), usual)
 
 
 @contextmanager
@@ -64,7 +65,7 @@ def _works(probe: Probe, said: dict[str, DiagnosticStatus], verb: str, name: str
         return lambda: "rectify: ready" in process.out
     if verb == "player":
         return probe.node.create_client(SetBool, f"/{name}/pause").service_is_ready
-    if verb == "tracker":
+    if verb in ("tracker", "compose"):
         return lambda: said.get(f"{name}: lifecycle", DiagnosticStatus()).message == "active"
     what = {"recorder": "messages", "camera_ingest": "published"}[verb]
 

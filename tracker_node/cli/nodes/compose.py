@@ -28,7 +28,6 @@ def run(args: argparse.Namespace) -> int:
         from ...loaders.rig.rig_yaml import load_rig
         from ...ros.direct_images import DirectImages
         from ...ros.executor import attach, ros_process, spin
-        from ...ros.guarded_node import FINALIZED
         from ...ros.ingest.node import CameraIngestNode, IngestOptions
         from ...ros.tracker.image_inbox import InboxOptions
         from ...ros.tracker.node import TrackerNode
@@ -57,13 +56,7 @@ def run(args: argparse.Namespace) -> int:
             failure: object = tracker.failure
             if not failure:
                 cameras.start()
-                spin(
-                    tracker,
-                    stop,
-                    lambda: tracker.fatal is not None
-                    or tracker.state == FINALIZED
-                    or (cameras.finished.is_set() and tracker.at_rest),
-                )
+                spin(tracker, stop, lambda: tracker.has_ended or (cameras.finished.is_set() and tracker.at_rest))
         finally:
             cameras.close()
             tracker.close()

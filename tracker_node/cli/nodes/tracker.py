@@ -162,7 +162,6 @@ def run(args: argparse.Namespace) -> int:
     with kept_for_ever():
         from ...loaders.rig.rig_yaml import load_rig
         from ...ros.executor import attach, ros_process, spin
-        from ...ros.guarded_node import FINALIZED
         from ...ros.tracker.image_inbox import InboxOptions
         from ...ros.tracker.node import TrackerNode
         from ...runs.writer import write_body
@@ -179,7 +178,7 @@ def run(args: argparse.Namespace) -> int:
             if args.end_on_failure:
                 failure = node.failure
             if not failure:
-                spin(node, stop, lambda: node.fatal is not None or node.state == FINALIZED)
+                spin(node, stop, lambda: node.has_ended)
         finally:
             node.close()
             if args.output is not None:

@@ -22,7 +22,7 @@ from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import TrackEstimate
 from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
 from ..ending import hurried
-from ..guarded_node import ACTIVE, ManagedNode
+from ..guarded_node import ACTIVE, FINALIZED, ManagedNode
 from ..joint_states import JointStateInbox
 from ..parameter_overrides import refuse_unknown_qos, unknown_parameters
 from .camera_diagnostics import CameraDiagnostics
@@ -188,6 +188,11 @@ class TrackerNode(ManagedNode):
         """Whether outputs of `runs.outputs`, by their names, have at least so many subscribers."""
         outputs = self._outputs
         return outputs is not None and all(outputs.subscriber_count(topic) >= count for topic, count in wanted.items())
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it will track no more: its thread has ended by itself, or it is finalized."""
+        return self.fatal is not None or self.state == FINALIZED
 
     @property
     def at_rest(self) -> bool:
