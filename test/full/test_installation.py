@@ -61,7 +61,7 @@ def recorded(tmp_path_factory) -> Path:
 
 def test_executables_and_interfaces_are_found():
     names = set(ros2("pkg", "executables", "tracker_node").split())
-    assert {"tracker", "camera_ingest", "recorder", "player", "pipeline"} <= names
+    assert {"tracker", "camera_ingest", "compose", "recorder", "player", "pipeline"} <= names
     assert "float64[] covariance" in ros2("interface", "show", "tracker_msgs/msg/StateCovariance")
     assert "--initial-state" in ros2("run", "tracker_node", "tracker", "--help")
 
