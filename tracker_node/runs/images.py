@@ -3,7 +3,7 @@ and sizes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -128,17 +128,22 @@ def image_bags_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> dic
     paths : by camera; those whose images are in none are not there.
     """
     found: dict[str, Path] = {}
-    for candidate in _candidates(bag, info):
-        with BagReader(candidate) as reader:
-            found |= {name: candidate for name in cameras if name not in found and image_topics(reader, (name,))}
+    for path, names in _with_images(bag, info, cameras):
+        found = dict.fromkeys(names, path) | found
+        if len(found) == len(cameras):
+            break  # a later bag need not even be readable
     return found
 
 
-def _candidates(bag: Path | None, info: Info) -> list[Path]:
-    """Bags that there are and that may hold a run's images, the likeliest first."""
+def _with_images(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> Iterator[tuple[Path, list[str]]]:
+    """Bags with images of a run, the likeliest first, and the cameras that have some there; each is opened when asked for."""
     options = options_of(info)
-    named = (bag, options.get("bag"), options.get("from_run_bag"))
-    return [Path(name) for name in named if name is not None and Path(name).exists()]
+    for candidate in (bag, options.get("bag"), options.get("from_run_bag")):
+        if candidate is not None and Path(candidate).exists():
+            with BagReader(candidate) as reader:
+                names = [name for name in cameras if image_topics(reader, (name,))]
+            if names:
+                yield Path(candidate), names
 
 
 def image_bag_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> Path | None:
@@ -154,11 +159,7 @@ def image_bag_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> Path
     -------
     path : or None.
     """
-    for candidate in _candidates(bag, info):
-        with BagReader(candidate) as reader:
-            if image_topics(reader, cameras):
-                return candidate
-    return None
+    return next((path for path, _ in _with_images(bag, info, cameras)), None)
 
 
 def rig_from_bag(rig: CameraRig, bag: Path) -> CameraRig:

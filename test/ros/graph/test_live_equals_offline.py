@@ -146,6 +146,12 @@ def test_a_composed_run_in_real_time_ends_with_its_sources_and_by_a_signal(clip:
     assert "Traceback" not in endless.text
 
 
+def test_a_composed_tracker_refuses_to_subscribe_to_compressed_images(clip: Clip, start) -> None:
+    refused = start("compose", *clip.arguments(), "--ros-args", "-p", "compressed:=true")
+    assert refused.process.wait(120) == 2, refused.text
+    assert "compressed" in refused.text and "no image comes from a topic" in refused.text
+
+
 def test_resampled_images_are_tracked_with_the_recorded_calibration(clip: Clip, tmp_path: Path, start) -> None:
     live = tmp_path / "live"
     run_pipeline(start, clip, live, "--images", "--resize", "120x90", "--cameras", "cam01", "cam03")

@@ -33,20 +33,20 @@ def run(args: argparse.Namespace) -> int:
         from ...ros.tracker.node import TrackerNode
         from ...runs.writer import write_body
 
-    rig = load_rig(args.rig)
-    ingest = IngestOptions(
-        source=source_options(args),
-        live_stamps=args.stamps == "live" if args.stamps else not args.lossless,
-        as_fast_as_consumed=args.lossless,
-        frame_skip=not args.no_frame_skip,
-        wait_for_subscribers=1,
-        wait_for_info_subscribers=1,
-        compressed=args.compressed,
-    )
-    opened = opened_cameras("compose", rig, args, ingest)
-    opened.check_trackable(real_time=not args.lossless)
-    direct = DirectImages(opened.cameras)
-    options = tracker_options(args, rig, InboxOptions(lossless=args.lossless, direct=direct))
+        rig = load_rig(args.rig)
+        ingest = IngestOptions(
+            source=source_options(args),
+            live_stamps=args.stamps == "live" if args.stamps else not args.lossless,
+            as_fast_as_consumed=args.lossless,
+            frame_skip=not args.no_frame_skip,
+            wait_for_subscribers=1,
+            wait_for_info_subscribers=1,
+            compressed=args.compressed,
+        )
+        opened = opened_cameras("compose", rig, args, ingest)
+        opened.check_trackable(real_time=not args.lossless)
+        direct = DirectImages(opened.cameras)
+        options = tracker_options(args, rig, InboxOptions(lossless=args.lossless, direct=direct))
     with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
         tracker, cameras = TrackerNode(options), CameraIngestNode(opened, replace(ingest, direct=direct))
         attach(tracker)

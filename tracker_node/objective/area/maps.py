@@ -55,18 +55,22 @@ def fill_log_ratios(bgr, log_body, scene, room, silhouette, darkest, step, clamp
                 maps[k, i, j] = cell[k] / np.float32(count)
 
 
+@compiled(fastmath=True, inline="always")
+def _robust(x, y, z, cap):
+    """Cost, 0..1, of a difference; one half where its square is the ``cap``."""
+    square = x * x + y * y + z * z
+    return square / (square + cap)
+
+
 @compiled(fastmath=True)
 def _color_cost(r, g, b, red, green, blue, caps):
     """Robust cost, 0..2, of one color against another: half of it by RGB, half by RGB over intensity.
 
     ``caps`` (2,) are the squared differences that cost one half of the most.
     """
-    dr, dg, db = r - red, g - green, b - blue
-    raw = dr * dr + dg * dg + db * db
     one, two = _HUE / (r + g + b + _DARK), _HUE / (red + green + blue + _DARK)
-    dr, dg, db = r * one - red * two, g * one - green * two, b * one - blue * two
-    hue = dr * dr + dg * dg + db * db
-    return raw / (raw + caps[0]) + hue / (hue + caps[1])
+    raw = _robust(r - red, g - green, b - blue, caps[0])
+    return raw + _robust(r * one - red * two, g * one - green * two, b * one - blue * two, caps[1])
 
 
 @compiled(fastmath=True)
@@ -117,8 +121,5 @@ def _explained_row(r, g, b, hue_r, hue_g, hue_b, costs, color, caps, out):
     over = _HUE / (red + green + blue + _DARK)
     hue_red, hue_green, hue_blue, raw_cap, hue_cap = red * over, green * over, blue * over, caps[0], caps[1]
     for u in range(np.uint64(out.size)):
-        dr, dg, db = r[u] - red, g[u] - green, b[u] - blue
-        raw = dr * dr + dg * dg + db * db
-        dr, dg, db = hue_r[u] - hue_red, hue_g[u] - hue_green, hue_b[u] - hue_blue
-        hue = dr * dr + dg * dg + db * db
-        out[u] = costs[u] - raw / (raw + raw_cap) - hue / (hue + hue_cap)
+        raw = _robust(r[u] - red, g[u] - green, b[u] - blue, raw_cap)
+        out[u] = costs[u] - raw - _robust(hue_r[u] - hue_red, hue_g[u] - hue_green, hue_b[u] - hue_blue, hue_cap)

@@ -92,9 +92,9 @@ class CameraOutlet:
         self.infos.publish(self._info)
         if self._direct is not None:
             self._direct.hand_over(self.camera.name, image, stamp_ns)
-        wanted = self._direct is None or (self.images is not None and self.images.get_subscription_count())
-        if self.images is not None and image.pixels is not None and wanted:
-            self.images.publish(self._buffer.fill(stamp_ns, image.pixels))
+        topic = self.images
+        if topic is not None and image.pixels is not None and (self._direct is None or topic.get_subscription_count()):
+            topic.publish(self._buffer.fill(stamp_ns, image.pixels))
         if self.compressed is not None and (image.pixels is None or self.compressed.get_subscription_count()):
             self.compressed.publish(self._compressed(image, stamp_ns))
 

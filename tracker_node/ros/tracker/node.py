@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 
 from ...camera.model import CameraModel
-from ...errors import TrackerError
+from ...errors import FileFormatError, TrackerError
 from ...model.configuration import State
 from ...observation.image_set import ImageSet
 from ...runs.joint_states import check_use
@@ -104,6 +104,8 @@ class TrackerNode(ManagedNode):
         self._lenses: dict[str, CameraModel] | None = {} if self._from_topics else None
         self._outputs = TrackerOutputs(self, options.rig, options.model, self._mismatches, str(fixed["frame_prefix"]))
         inbox = replace(options.inbox, lossless=self._lossless, compressed=bool(fixed["compressed"]))
+        if inbox.compressed and inbox.direct is not None and inbox.direct.cameras >= set(options.rig.names):
+            raise FileFormatError("parameters of tracker", "compressed", "false: no image comes from a topic here", True)
         self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
         config = self._parameters_of_node.config
         points = PointMatching(config.synchronizer.image_period_s)

@@ -128,11 +128,10 @@ class RegionAppearance:
 
         def learn(i: int) -> None:
             camera, places = self._rig.cameras[i], self._places(i, bodies[i])
-            every = _coarseness(places, around, camera.model)
-            found = self._occluders.look(i, bodies[i], camera, around, every)
+            found = self._occluders.look(i, bodies[i], camera, around, _coarseness(places, around, camera.model))
             image = images[i]
             if found is not None and image is not None:
-                region, labels = found.region, found.labels
+                region, labels, every = found.region, found.labels, found.every
                 self._colors[i].learn(image, region, labels, rate, margin_px, around, trusted, sure_px, every)
                 if background:
                     self._rooms[i].learn(image, region, labels, places, every)

@@ -151,11 +151,10 @@ def _triangles(shape: Shape, by_texture: bool) -> tuple[np.ndarray, np.ndarray |
         corners = shape.primitive.vertices[shape.primitive.faces]
     elif isinstance(shape.primitive, Ellipsoid):  # what divides it evenly takes a quarter of a second to load
         corners = _globe() * shape.primitive.radii
-        return corners, np.tile(np.asarray(shape.color_rgb, dtype=np.float64), (len(corners), 1))
     else:
         patches = tessellate(shape.primitive, shape.color_rgb)
         corners = np.concatenate([patch.vertices[patch.faces] for patch in patches])
-    if not by_texture:
+    if not by_texture or not patches:
         return corners, np.tile(np.asarray(shape.color_rgb, dtype=np.float64), (len(corners), 1))
     if any(patch.texture is not None for patch in patches):
         return corners, None
