@@ -3,7 +3,8 @@
 
 The score is fused: no image is written. Median and 95th percentile in milliseconds on one thread and on two, as a multiple of the
 fixed reference kernel; for each light and each way to compare; for many states at once; and what taking in the images costs.
-The body stands under an ambient and one directional light unless the name says otherwise.
+The body stands under an ambient and one directional light unless the name says otherwise. ``score.draw_ms`` is the first pass
+alone, from the state to the part in front at each pixel and its depth, in the same views with rows along the body.
 """
 
 from __future__ import annotations
@@ -19,9 +20,15 @@ import numpy as np
 
 from tracker_node.camera.light import Light
 from tracker_node.camera.rig import CameraRig
+from tracker_node.compiled.kernels import compiled
+from tracker_node.model.articulated import ArticulatedModel
+from tracker_node.model.configuration import State
 from tracker_node.objective.color.alignment import PhotometricObjective
+from tracker_node.objective.color.drawing import LANES, N_SURFACE, draw_body, pose_shapes
 from tracker_node.objective.color.score import ColorObjective, ColorOptions
+from tracker_node.objective.color.views import EXCHANGE, ColorConstants, ColorViews, lying
 from tracker_node.parallel import Workers
+from tracker_node.render.raycast.coefficients import N_COEFFICIENTS
 from tracker_node.report.metrics_file import cpu, report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
@@ -57,6 +64,58 @@ def mask_pixels(scene: ColorScene, rig: CameraRig) -> int:
     return int(objective.evaluate(scene.truth[0]).camera_pixels.sum())
 
 
+@compiled
+def _draw(chain, shapes, cameras, images, root, joints, work):
+    """The part in front, and its depth, in the buffer of each camera."""
+    kinds, dims, links, Ts_link_shape, used, colors = shapes
+    params, limits, Ts_cam_world = cameras
+    views, rays = images
+    Ts_world_link, twists, Ts_world_shape, arrays, buffer = work
+    pose_shapes(chain, links, Ts_link_shape, root, joints, Ts_world_link, twists, Ts_world_shape)
+    for i in range(views.shape[0]):
+        draw_body(
+            (kinds, dims, used), colors, Ts_cam_world[i], Ts_world_shape, params[i], limits[i], views[i], rays, arrays, buffer[i]
+        )
+
+
+class Drawing:
+    """The first pass of a color score by itself.
+
+    Parameters
+    ----------
+    model : of smooth shapes.
+    rig : cameras without distortion, which the body stands upright in.
+    """
+
+    def __init__(self, model: ArticulatedModel, rig: CameraRig):
+        cameras = [lying(camera) for camera in rig]
+        views, constants = ColorViews(cameras), ColorConstants(model, rig, "raw", 0.0, None)
+        chain, n = model.chain, len(model.shapes)
+        side = max(max(camera.model.width, camera.model.height) for camera in cameras)
+        self._chain = chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions
+        used = np.ones(n, dtype=np.bool_)
+        self._shapes = constants.kinds, constants.dims, constants.links, model.Ts_link_shape, used, constants.colors_rgb[0]
+        self._cameras = views.params, views.limits, EXCHANGE @ constants.Ts_cam_world
+        self._images = views.views, views.rays
+        arrays = (
+            np.zeros((n, N_COEFFICIENTS), np.float32), np.zeros((n, N_SURFACE), np.float32), np.zeros((n, 4), np.int64),
+            np.zeros((n, side, 2), np.int32),
+        )  # fmt: skip
+        buffers = np.zeros((len(cameras), (side + 2 * LANES) ** 2), np.int32)
+        self._work = np.empty((len(chain.parents), 4, 4)), np.empty((model.n_dof, 6)), np.empty((n, 4, 4)), arrays, buffers
+
+    def draw(self, state: State) -> None:
+        """Every camera's buffer anew."""
+        _draw(
+            self._chain, self._shapes, self._cameras, self._images, state.T_world_root, state.joint_positions, self._work
+        )  # fmt: skip
+
+    @property
+    def pixels(self) -> int:
+        """How many pixels the body covers, cameras together, where it has been drawn."""
+        return int((self._work[-1] != 0).sum())
+
+
 def timed(work: Callable[[], object], repeats: int) -> np.ndarray:
     """Milliseconds of each of ``repeats`` calls."""
     work()
@@ -90,6 +149,9 @@ def measure(repeats: int) -> dict[str, float]:
     metrics["score.mask_pixels"] = int(lit.evaluate(state).camera_pixels.sum())
     metrics["score.segments"] = len(scene.model.shapes)
     report("fused_ms_1t", lambda: lit.score(state))
+    drawing = Drawing(scene.model, rig)
+    report("draw_ms", lambda: drawing.draw(state))
+    metrics["score.draw_pixels"] = drawing.pixels
     two = objective((AMBIENT, SUN), 2)
     report("fused_ms_2t", lambda: two.score(state))
     states = [state] * BATCH

@@ -3,9 +3,8 @@
 
 It moves by 10 mm and turns by 3 degrees from image to image, before cluttered pictures; nobody has seen the empty scene.
 Color images of 640x480, f = 560 px, noise of 4 gray levels, blur of 0.6 px, drawn by another renderer than the tracker's. It
-starts 5 mm and 2 degrees off. The tracker's parameters are the defaults, but for lines at two scales instead of four and no
-memory of the room: a rigid body needs no more. Lost: image sets without a track, or in which the box is more than 100 mm or
-30 degrees from the truth.
+starts 5 mm and 2 degrees off. The tracker's parameters are the defaults. Lost: image sets without a track, or in which the box
+is more than 100 mm or 30 degrees from the truth.
 """
 
 from __future__ import annotations
@@ -46,7 +45,6 @@ LIGHTS = (Light("ambient", (0.5, 0.5, 0.5)), Light("directional", (0.45, 0.45, 0
 SETS = {"quick": 20, "full": 150}
 START_OFF_M, START_OFF_RAD = 0.005, np.radians(2.0)
 LOST_M, LOST_RAD = 0.100, np.radians(30.0)
-CONFIGURATION = {"region__scales": "3 1", "region__learn_background": False}
 CAMERAS = {"box_3cams": (0, 1, 2), "box_1cam": (0,)}
 
 
@@ -155,7 +153,7 @@ def main() -> int:
     states = box_states(model, SETS["quick" if args.quick else "full"])
     metrics: dict[str, float | int] = {}
     try:
-        config = configured(args.set, **CONFIGURATION)
+        config = configured(args.set)
         sets = list(image_sets(rig, model, states))
         if args.pictures:
             write_pictures(args.pictures, sets)

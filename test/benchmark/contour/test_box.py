@@ -59,7 +59,7 @@ def test_the_box_is_tracked(film, name, position_mm):
     cameras = box.CAMERAS[name]
     clip = box.Clip(Path(), CameraRig(tuple(rig.cameras[i] for i in cameras)), model, box.displaced(states[0]))
     shown = [ImageSet(s.stamp_ns, tuple(s.images[i] for i in cameras)) for s in sets]
-    run = box.track(clip, box.configured([], **box.CONFIGURATION), shown)
+    run = box.track(clip, box.configured([]), shown)
     figures = box.accuracy(run, states, name)
     assert figures[f"{name}.lost"] == 0 and figures[f"{name}.sets"] == N
     assert figures[f"{name}.position_mm"] < position_mm and figures[f"{name}.angle_deg"] < position_mm

@@ -18,7 +18,6 @@ from ...camera.light import COS_INNER, COS_OUTER, DIRECTION, INTENSITY, N_LIGHT_
 from ...compiled.kernels import compiled
 from ...render.raycast.coefficients import LINE, ORIGIN, QUADRATIC, UPPER
 from .drawing import (
-    ALL_SMOOTH,
     CAP,
     COLOR,
     DISTORTED,
@@ -34,10 +33,7 @@ from .drawing import (
     WIDTH,
     XS,
     YS,
-    box_of_all,
-    draw_smooth,
-    find_spans,
-    prepare_camera,
+    draw_body,
 )  # fmt: skip
 from .score_kernels import lights_in_camera
 
@@ -291,24 +287,13 @@ def linearize_camera(form, shapes, camera, pixels, lights, weights, image_gains,
     view, rays, planes = pixels
     coefficients, surfaces, boxes, spans, camera_lights, buffer, lanes = work
     sums[:] = 0.0
-    region = np.empty(4, dtype=np.int64)
-    region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
-    status = prepare_camera(
-        kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
-    )
-    if status != ALL_SMOOTH:
+    status, origin, stride = draw_body(
+        (kinds, dims, used), colors, T_cam_world, Ts_world_shape, params, limits, view, rays,
+        (coefficients, surfaces, boxes, spans), buffer,
+    )  # fmt: skip
+    if stride == 0:
         return status
-    u0, v0, u1, v1 = box_of_all(boxes)
-    if u1 <= u0:
-        return status
-    stride = u1 - u0 + LANES
-    buffer[: stride * (v1 - v0) + LANES] = 0
     lights_in_camera(lights, T_cam_world, gain, camera_lights)
-    origin = (u0, v0)
-    for s in range(kinds.shape[0]):
-        if boxes[s, 2] > boxes[s, 0]:
-            find_spans(coefficients[s], view, rays, boxes[s], spans[s])
-            draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans[s], origin, stride, buffer)
     for s in range(kinds.shape[0]):
         if boxes[s, 2] > boxes[s, 0]:
             _linearize_smooth(form, coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride,

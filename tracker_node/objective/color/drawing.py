@@ -346,4 +346,41 @@ def draw_smooth(c, label, view, rays, box, spans, origin, stride, buffer):
                     x = rays[at_x + i] - x0
                     q = qv0 + x * (qv1 + q20 * x)
                     enter = lv + l1 * x + np.sqrt(q if q > _ZERO else _ZERO)
-                    buffer[at + i] = _nearer(enter, (q > _ZERO) & (enter > _ZERO), tag, buffer[at + i])
+                    buffer[at + i] = _nearer(enter, q > _ZERO, tag, buffer[at + i])
+
+
+@compiled(fastmath=FAST)
+def draw_body(shapes, colors, T_cam_world, Ts_world_shape, params, limits, view, rays, work, buffer):
+    """First pass of a whole body in one camera.
+
+    Parameters
+    ----------
+    shapes : kinds (n,), dims (n, 5), used (n,), of `prepare_camera`.
+    colors, T_cam_world, Ts_world_shape, params, limits, view : see `prepare_camera`.
+    rays : of `ColorViews`.
+    work : coefficients, surfaces, boxes, of `prepare_camera`, and spans of each shape, of `find_spans`; overwritten.
+    buffer : flat int32, as of `draw_smooth`; as much as the body needs is overwritten.
+
+    Returns
+    -------
+    What `prepare_camera` returns; (u, v) of the first pixel of the buffer; length of its rows, 0 where nothing is seen.
+    """
+    kinds, dims, used = shapes
+    coefficients, surfaces, boxes, spans = work
+    region = np.empty(4, dtype=np.int64)
+    region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
+    status = prepare_camera(
+        kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
+    )
+    stride = region[0]
+    if status != ALL_SMOOTH:
+        return status, (region[0], region[1]), stride
+    u0, v0, u1, v1 = box_of_all(boxes)
+    if u1 > u0:
+        stride = u1 - u0 + LANES
+        buffer[: stride * (v1 - v0) + LANES] = 0
+        for s in range(kinds.shape[0]):
+            if boxes[s, 2] > boxes[s, 0]:
+                find_spans(coefficients[s], view, rays, boxes[s], spans[s])
+                draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans[s], (u0, v0), stride, buffer)
+    return status, (u0, v0), stride

@@ -14,7 +14,6 @@ from ...camera.light import COS_INNER, COS_OUTER, DIRECTION, INTENSITY, N_LIGHT_
 from ...compiled.kernels import compiled
 from ...render.raycast.coefficients import BIG, LINE, ORIGIN, QUADRATIC, UPPER
 from .drawing import (
-    ALL_SMOOTH,
     CAP,
     COLOR,
     DISTORTED,
@@ -30,11 +29,8 @@ from .drawing import (
     WIDTH,
     XS,
     YS,
-    box_of_all,
-    draw_smooth,
-    find_spans,
+    draw_body,
     pose_shapes,
-    prepare_camera,
 )
 
 # Of a camera: squared differences, pixels, status; of images that have a gain: squares of the model's colors (all channels),
@@ -261,28 +257,16 @@ def _score_smooth(form, straight, c, surface, label, view, rays, planes, box, sp
 def _score_camera(form, model, view, params, limits, T_cam_world, gain, base, colors, Ts_world_shape, rays, planes, lights,
                   weights, work, total):  # fmt: skip
     """Squares, pixels, status and the rest of one camera into ``total`` (`N_TOTALS`,)."""
-    kinds, dims, used = model
     coefficients, surfaces, boxes, spans, camera_lights, buffer = work
     total[:] = 0.0
-    region = np.empty(4, dtype=np.int64)
-    region[0], region[1], region[2], region[3] = 0, 0, view[WIDTH], view[HEIGHT]
-    total[2] = prepare_camera(
-        kinds, dims, colors, T_cam_world, Ts_world_shape, params, limits, view, region, used, coefficients, surfaces, boxes
+    status, origin, stride = draw_body(
+        model, colors, T_cam_world, Ts_world_shape, params, limits, view, rays, (coefficients, surfaces, boxes, spans), buffer
     )
-    if total[2] != ALL_SMOOTH:
+    total[2] = status
+    if stride == 0:
         return
-    u0, v0, u1, v1 = box_of_all(boxes)
-    if u1 <= u0:
-        return
-    stride = u1 - u0 + LANES
-    buffer[: stride * (v1 - v0) + LANES] = 0
     lights_in_camera(lights, T_cam_world, gain, camera_lights)
-    origin = (u0, v0)
-    for s in range(kinds.shape[0]):
-        if boxes[s, 2] > boxes[s, 0]:
-            find_spans(coefficients[s], view, rays, boxes[s], spans[s])
-            draw_smooth(coefficients[s], s + 1, view, rays, boxes[s], spans[s], origin, stride, buffer)
-    for s in range(kinds.shape[0]):
+    for s in range(boxes.shape[0]):
         if boxes[s, 2] > boxes[s, 0]:
             given = (coefficients[s], surfaces[s], s + 1, view, rays, planes, boxes[s], spans[s], origin, stride, buffer,
                      camera_lights, base, weights, total)  # fmt: skip
