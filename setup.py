@@ -36,6 +36,7 @@ STUDIO_REQUIREMENTS = ["starlette>=0.40", "uvicorn>=0.30", "websockets>=13.0"]
 KEYPOINTS_REQUIREMENTS = ["ai-edge-litert>=2.3"]
 H5_REQUIREMENTS = ["h5py>=3.9"]
 DATA_REQUIREMENTS = ["pandas>=2.2", "xarray>=2024.1"]
+CLUSTER_REQUIREMENTS = ["distributed>=2024.1"]
 DOCS_REQUIREMENTS = ["furo", "myst-parser", "sphinx"]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
@@ -121,6 +122,7 @@ setup(
         "keypoints": KEYPOINTS_REQUIREMENTS,
         "h5": H5_REQUIREMENTS,
         "data": DATA_REQUIREMENTS,
+        "cluster": CLUSTER_REQUIREMENTS,
         "docs": DOCS_REQUIREMENTS,
         "test": [
             *TEST_REQUIREMENTS,
@@ -128,6 +130,7 @@ setup(
             *KEYPOINTS_REQUIREMENTS,
             *H5_REQUIREMENTS,
             *DATA_REQUIREMENTS,
+            *CLUSTER_REQUIREMENTS,
             *DOCS_REQUIREMENTS,
         ],
     },

@@ -1,10 +1,25 @@
-"""A few threads that share the cameras of one image set."""
+"""A few threads that share the cameras of one image set, and how they share the interpreter with those that read images."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
+
+SWITCH_S = 0.0005  # how long another thread may keep one waiting that needs the interpreter for a moment; 5 ms by default
+
+
+@contextmanager
+def short_switches() -> Iterator[None]:
+    """While the thread that tracks gets the interpreter soon when others, which decode images or take in messages, have it."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 class Workers:

@@ -19,7 +19,7 @@ ROOT = HERE.parents[1]
 NAVIGATION = {  # a page that is not named here fails the build
     "Begin": ("install", "tutorial", "gallery"),
     "Set up": ("cameras", "bodies", "tracking", "studio"),
-    "Run": ("nodes", "results", "trust", "troubleshooting"),
+    "Run": ("nodes", "batch", "results", "trust", "troubleshooting"),
     "Look up": ("formats", "measured", "reproduce"),
     "Develop": ("architecture", "development", "roadmap", "api/index"),
 }

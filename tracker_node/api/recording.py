@@ -12,7 +12,7 @@ from ..camera.rig import CameraRig
 from ..loaders.images.source import SourceOptions
 from ..loaders.model.model_yaml import load_model
 from ..loaders.model.state_yaml import load_state
-from ..loaders.recording_yaml import FILES, JointStatesEntry, load_recording
+from ..loaders.recording_yaml import FILES, JointStatesEntry, RecordingFile, load_recording
 from ..loaders.rig.rig_yaml import load_rig
 from ..runs.config_file import load_config
 from ..runs.joint_states import JointStateFile
@@ -42,7 +42,16 @@ def open_recording(path: str | Path) -> Recording:
     >>> recording = open_recording("recording.yaml")  # doctest: +SKIP
     >>> run = track(recording)  # doctest: +SKIP
     """
-    file = load_recording(path)
+    return recording_of(load_recording(path))
+
+
+def recording_of(file: RecordingFile) -> Recording:
+    """The recording that the content of a ``recording.yaml`` describes, with the files that it names read.
+
+    Raises
+    ------
+    FileFormatError : naming file and field.
+    """
     rig, model = load_rig(file.rig), load_model(file.model)
     rig = with_sources(rig, file.sources_of(rig.names))
     images, points = file.images, file.keypoints

@@ -236,7 +236,7 @@ def _dotted(location: tuple[int | str, ...], values: Any, kind: str) -> str:
 
 
 RIG, BODY, STATE, RECORDING, PARAMETERS = "a rig", "a body", "a state", "a recording", "a file of parameters"
-KEYPOINTS = "a table of keypoints"
+KEYPOINTS, TRIALS = "a table of keypoints", "a list of trials"
 _SECTIONS = {
     *("synchronizer", "initialization", "motion", "background", "region", "chamfer", "color", "texture"),
     *("color_over_background", "joint", "collision", "status", "limb_search", "self_check"),
@@ -266,6 +266,8 @@ def kind_of(values: Mapping[Any, Any]) -> str:
         return STATE
     if isinstance(values.get("points"), dict):
         return KEYPOINTS
+    if isinstance(values.get("trials"), dict):
+        return TRIALS
     sections = [value for value in values.values() if isinstance(value, dict)]
     if any("ros__parameters" in section for section in sections):
         return PARAMETERS

@@ -179,7 +179,24 @@ def load_recording(path: str | Path) -> RecordingFile:
     ------
     FileFormatError : naming file and field; a file that it names and that is not there, too.
     """
-    recording = validate(RecordingFile, read_mapping(path), path)
+    return located(validate(RecordingFile, read_mapping(path), path), path)
+
+
+def located(recording: RecordingFile, path: str | Path) -> RecordingFile:
+    """A recording with its paths brought to the caller's.
+
+    Parameters
+    ----------
+    recording, path : as it stands in a file, and that file, whose folder its paths are relative to.
+
+    Returns
+    -------
+    recording : the same otherwise.
+
+    Raises
+    ------
+    FileFormatError : a file that it names is not there.
+    """
     base = Path(path).parent
     changes: dict[str, Any] = {name: _existing(path, name, getattr(recording, name)) for name in FILES}
     changes["output"] = os.path.join(base, recording.output)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -19,11 +18,11 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from ..parallel import short_switches
 from . import ending
 from .guarded_node import caught_in_loop
 from .qos import PROFILE_VARIABLE, use_fastdds_profile
 
-SWITCH_S = 0.0005  # how long another thread may keep the loop waiting: each of some 200 messages a second needs the interpreter
 LOOP_S = 0.1  # how long a signal may go unnoticed
 
 
@@ -66,8 +65,7 @@ def ros_process(ros_args: list[str] | None = None, *, forced: bool = True) -> It
     profile_before = os.environ.get(PROFILE_VARIABLE)
     use_fastdds_profile()
     with ExitStack() as stack:
-        stack.callback(sys.setswitchinterval, sys.getswitchinterval())
-        sys.setswitchinterval(SWITCH_S)
+        stack.enter_context(short_switches())
         process = ending.current()
         if process is None and ending.PARENT_VARIABLE in os.environ:
             process = stack.enter_context(ending.Ending())

@@ -23,6 +23,7 @@ from ..model.configuration import State
 from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
 from ..observation.joint_states import JointStates
+from ..parallel import short_switches
 from ..tracking.config import KEYPOINTS, REGION, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
@@ -164,6 +165,7 @@ def run_offline(
     TrackerError : nothing can be tracked at all.
     """
     with ExitStack() as stack:
+        stack.enter_context(short_switches())
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
         rig, stream = _stream_of(run, reader)
         recorded = _recorded_of(run, rig, stream)

@@ -88,6 +88,15 @@ def verb_parses(command: Command) -> None:
     parsed(command.words[1:])
 
 
+def cluster_command_is_known(command: Command) -> None:
+    """Our verb parses; Dask's programs have the options."""
+    program, *rest = command.words
+    if program == "tracker_node":
+        return parsed(rest)
+    said = subprocess.run([sys.executable, "-m", program, rest[0], "--help"], capture_output=True, text=True, check=True).stdout
+    assert all(word in said for word in rest[1:] if word.startswith("--")), command
+
+
 @dataclass(frozen=True)
 class NotRun:
     """Commands that no walkthrough runs, why, the check in its place, and the tests that do as much of it as can be done."""
@@ -122,6 +131,8 @@ NOT_RUN = (
            "test/cli/calibrate/test_body_from_points.py"),
     NotRun(r"tracker_node keypoints ", "fetches the weights of a network from the package index", verb_parses,
            "test/ros/keypoints/test_process.py"),
+    NotRun(r"dask |tracker_node batch .*--scheduler ", "waits for other machines; with workers on the loopback it is a test",
+           cluster_command_is_known, "test/batch/test_dask.py"),
     NotRun(r"python benchmark/ros/soak.py ", "an hour; two minutes of it are a test", program_parses, "test/faults/test_soak.py"),
     NotRun(r"python benchmark/(contour|trust)/\w+.py ", "an hour", program_parses, "test/benchmark/trust/test_lost_events.py"),
 )  # fmt: skip

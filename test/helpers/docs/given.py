@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import yaml
 
 from helpers.bodies import moving_person, stick_person, textured_plate
 from helpers.bodies.openpose_points import write_points
@@ -16,7 +17,7 @@ from helpers.cameras.camera_rigs import circle_rig, disturbed
 from helpers.cameras.cross_files import write_control_points, write_lit_cross
 from helpers.cameras.moving_balls import write_balls
 from helpers.cameras.swinging_disc import write_swinging_disc
-from helpers.docs.pages import ROOT
+from helpers.docs.pages import ROOT, blocks_of
 from helpers.docs.place import Place, run
 from helpers.sources import bag_samples
 from helpers.sources.stream_servers import RtspServer, write_stream
@@ -29,7 +30,7 @@ from tracker_node.loaders.model.state_yaml import dump_state
 from tracker_node.loaders.motion.trajectory_file import JointTrajectory, StateRow, StateTrajectory, read_joints, write_states
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 from tracker_node.loaders.rig.camera_info import dump_camera_info
-from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
+from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.render.raycast.raycaster import render_color
@@ -70,6 +71,34 @@ def two_arms(place: Place) -> None:
     arm(place)
     for name in ("anna", "bert"):
         place.lay(place.shelf.arm / "model.yaml", f"{name}.yaml")
+
+
+def trials(place: Place) -> None:
+    """The trials of the page: videos and bodies of two subjects."""
+    two_arms(place)
+    place.lay(place.folder / "rig.yaml", "afternoon.yaml")
+    place.lay(place.folder / "start.yaml", "jump.yaml")
+    block = next(block for block in blocks_of("docs/batch.md") if block.language == "yaml")
+    (place.folder / "trials.yaml").write_text(block.text)
+    given = yaml.safe_load(block.text)
+    for trial, entry in given["trials"].items():
+        if "recording" in entry:
+            (place.folder / trial).mkdir()
+            text = "rig: ../rig.yaml\nmodel: ../bert.yaml\ninitial_state: ../start.yaml\noutput: run\n"
+            (place.folder / entry["recording"]).write_text(text)
+            continue
+        folder = place.folder / entry["subject"] / trial
+        folder.mkdir(parents=True)
+        for camera in load_rig(place.folder / "rig.yaml"):
+            write_video(folder / f"{camera.name}.mp4", sorted((place.folder / camera.name).glob("*.png")))
+
+
+def write_video(path: Path, images: list[Path]) -> None:
+    first = cv2.imread(str(images[0]))
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), RATE_HZ, first.shape[1::-1])
+    for image in images:
+        writer.write(cv2.imread(str(image)))
+    writer.release()
 
 
 def scaled_arm(place: Place) -> None:
@@ -254,6 +283,7 @@ GRAPH = ("camera_ingest --rig rig.yaml --loop", "tracker --rig rig.yaml --model 
 
 # (page, section) -> what the section begins with, and commands that run in the background meanwhile
 GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[str, ...]]] = {
+    ("docs/batch.md", "trials.yaml"): ((trials,), ()),
     ("docs/bodies.md", "A person"): ((static_trial,), ()),
     ("docs/bodies.md", "Fit a body to a run"): ((scaled_arm,), ()),
     ("docs/bodies.md", "A plate with a texture"): ((plate,), ()),

@@ -1,0 +1,236 @@
+"""One report over all trials: which were tracked, what was measured over them, and which stand out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from ..evaluation.report.summary import METRICS, Metric
+from ..report.document import BLUE, GREEN, Bars, Block, Cell, Column, Document, DocumentSection, Table, Value
+from ..report.html import render_html
+from ..report.metrics_file import command_line, cpu, versions, write_metrics
+from ..report.pdf import write_pdf
+from .work import FAILED_STATE, Outcome
+
+REPORT_JSON, REPORT_HTML, REPORT_PDF = "report.json", "report.html", "report.pdf"
+FEWEST = 5  # trials, of fewer none stands out
+STANDS_OUT = 3.5  # modified z-score, of Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993
+_TO_SIGMA = 0.6745  # median absolute deviation of a normal distribution, in standard deviations
+
+_MEANINGS = (
+    ("SD", "standard deviation over trials, with n - 1."),
+    ("Outlier", f"a trial more than {STANDS_OUT} times 1.48 median absolute deviations from the median of all, where there are"
+     f" {FEWEST} or more; look at it before the means are used."),
+    ("Range", "highest less lowest value of a joint's angle (or way) in a trial, sets that are lost left out."),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A quantity over trials; ``outliers``: names of those that stand out."""
+
+    n: int
+    mean: float
+    sd: float
+    lowest: float
+    highest: float
+    outliers: tuple[str, ...]
+
+
+def spread_over(values: Mapping[str, float | int | None]) -> Spread:
+    """Mean and spread of a quantity over trials.
+
+    Parameters
+    ----------
+    values : by the trial's name; None and not-a-number are left out.
+
+    Returns
+    -------
+    The spread; not-a-number where no trial has a value, SD where only one has.
+    """
+    known = {name: float(value) for name, value in values.items() if value is not None and np.isfinite(value)}
+    x = np.array(list(known.values()))
+    if not len(x):
+        return Spread(0, np.nan, np.nan, np.nan, np.nan, ())
+    sd = float(x.std(ddof=1)) if len(x) > 1 else float("nan")
+    return Spread(len(x), float(x.mean()), sd, float(x.min()), float(x.max()), _outliers(known))
+
+
+def _outliers(values: Mapping[str, float]) -> tuple[str, ...]:
+    """Names whose modified z-score is beyond `STANDS_OUT`."""
+    x = np.array(list(values.values()))
+    off = np.abs(x - np.median(x))
+    scale = float(np.median(off)) or 1.2533 * _TO_SIGMA * float(off.mean())  # where most are alike, by the mean deviation
+    if len(x) < FEWEST or scale <= 1e-9 * max(float(np.abs(x).max()), 1e-300):
+        return ()
+    return tuple(name for name, far in zip(values, _TO_SIGMA * off / scale > STANDS_OUT, strict=True) if far)
+
+
+def write_batch_report(
+    output: Path, outcomes: Sequence[Outcome], pdf: bool = True, progress: Callable[[str], None] = lambda text: None
+) -> dict[str, float | int]:
+    """Write ``report.json``, ``report.html`` and ``report.pdf`` of a batch.
+
+    Parameters
+    ----------
+    output : its folder.
+    outcomes : of its trials.
+    pdf : write that, too.
+    progress : is given a sentence now and then.
+
+    Returns
+    -------
+    Metrics by key: counts, and mean and SD of each metric over trials.
+    """
+    metrics = _metrics(outcomes)
+    write_metrics(output / REPORT_JSON, metrics)
+    document = _document(outcomes)
+    progress("writing the page")
+    (output / REPORT_HTML).write_text(render_html(document), encoding="utf-8")
+    if pdf:
+        write_pdf(output / REPORT_PDF, document, progress)
+    return metrics
+
+
+def _metrics(outcomes: Sequence[Outcome]) -> dict[str, float | int]:
+    failed = sum(outcome.state == FAILED_STATE for outcome in outcomes)
+    found: dict[str, float | int] = {"batch.trials": len(outcomes), "batch.failed": failed}
+    for key in dict.fromkeys(key for outcome in outcomes for key in outcome.metrics):
+        spread = spread_over({outcome.name: outcome.metrics.get(key) for outcome in outcomes})
+        found |= {f"batch.{key}_mean": spread.mean, f"batch.{key}_sd": spread.sd}
+    return found
+
+
+def _document(outcomes: Sequence[Outcome]) -> Document:
+    tracked = [outcome for outcome in outcomes if outcome.state != FAILED_STATE]
+    subjects = list(dict.fromkeys(outcome.subject for outcome in outcomes if outcome.subject))
+    facts = [("trials", str(len(outcomes))), ("tracked", str(len(tracked))), ("failed", str(len(outcomes) - len(tracked)))]
+    facts += [("subjects", ", ".join(subjects))] if subjects else []
+    over = _over_trials(tracked, subjects)
+    problems = [f"{outcome.name} failed: {outcome.reason}" for outcome in outcomes if outcome.state == FAILED_STATE]
+    problems += [f"{outcome.name}: {problem}" for outcome in tracked for problem in outcome.problems]
+    made_by = sorted({outcome.version for outcome in tracked})
+    if len(made_by) > 1:
+        problems.append(f"Trials were tracked by versions {' and '.join(made_by)}: figures may differ for that alone (--again).")
+    sections: list[tuple[str, str, list[Block | None]]] = [
+        ("trials", "Trials", [_trial_table(outcomes), *_bars(tracked)]),
+        ("over", "Over trials", [over]),
+        ("ranges", "Ranges of motion", [_range_table(tracked, subjects)]),
+    ]
+    kept = [DocumentSection(key, title, blocks) for key, title, made in sections if (blocks := [b for b in made if b])]
+    made = {"command": command_line(), "versions": ", ".join(f"{key} {value}" for key, value in versions().items())}
+    made["cpu"] = "{model}, {cores} cores, {simd}".format(**cpu())
+    when = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return Document(f"{len(outcomes)} trials", when, facts, problems, kept, _MEANINGS, list(made.items()))
+
+
+def _described(outcomes: Sequence[Outcome]) -> list[tuple[Metric, str, str]]:
+    """Metric, key and title of all that any trial has and a table describes."""
+    keys = dict.fromkeys(key for outcome in outcomes for key in outcome.metrics)
+    found = []
+    for metric in METRICS:
+        stem, family = metric.key.rstrip("*"), metric.key.endswith("*")
+        for key in keys:
+            if key.startswith(stem) if family else key == stem:
+                found.append((metric, key, f"{metric.title} {key.removeprefix(stem)}" if family else metric.title))
+    return found
+
+
+def _trial_table(outcomes: Sequence[Outcome]) -> Table:
+    """A row a trial: what became of it."""
+    shown = [
+        (metric, key, title)
+        for metric, key, title in _described(outcomes)
+        if key in ("lost_sets", "mpjpe_mm", "mpjpe_offset_free_mm", "said_lost_sets", "residual_px", "total_ms_p50")
+    ]
+    columns = [Column("trial", is_text=True), Column("subject", is_text=True), Column("sets", 0), Column("tracking [%]")]
+    columns += [Column(f"{title} [{metric.unit}]" if metric.unit else title, metric.digits) for metric, _, title in shown]
+    columns += [Column("took [s]"), Column("results", is_text=True)]
+    rows: list[list[Value]] = []
+    for outcome in outcomes:
+        failed = outcome.state == FAILED_STATE
+        tracking = 100.0 * outcome.status_counts.get("TRACKING", 0) / outcome.image_sets if outcome.image_sets else None
+        row: list[Value] = [Cell(outcome.name, "bad" if failed else "good"), outcome.subject]
+        row += [outcome.image_sets or None, tracking, *(_number(outcome.metrics.get(key)) for _, key, _ in shown)]
+        rows.append([*row, outcome.wall_s, Cell("failed" if failed else f"{outcome.name}/", "code")])
+    note = "The folder of a trial holds its bag, tables and run.json, and a report where the trial says what it is compared with."
+    return Table("trials", "Trials", note, columns, rows)
+
+
+def _number(value: float | int | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _bars(tracked: Sequence[Outcome]) -> list[Block | None]:
+    """How trials compare in what matters first: error where there is truth, else residual."""
+    found: list[Block | None] = []
+    names = [outcome.name for outcome in tracked]
+    for key, title, unit, color in (("mpjpe_mm", "Joint error", "mm", BLUE), ("residual_px", "Residual", "px", GREEN)):
+        values = np.array([float(outcome.metrics.get(key) or np.nan) for outcome in tracked])
+        if np.isfinite(values).any():
+            found.append(Bars(key, title, "", names, [(title, values, color)], f"{title} [{unit}]"))
+    return found
+
+
+def _over_trials(tracked: Sequence[Outcome], subjects: Sequence[str]) -> Table | None:
+    """Mean and SD of the metrics over all trials, and over those of each subject."""
+    described = _described(tracked)
+    if not described:
+        return None
+    rows: list[list[Value]] = []
+    for metric, key, title in described:
+        values = {outcome.name: outcome.metrics.get(key) for outcome in tracked}
+        spread = spread_over(values)
+        if not spread.n:
+            continue
+        figures = (spread.mean, spread.sd, spread.lowest, spread.highest)
+        rows.append([
+            title, spread.n, *(Cell(value, digits=metric.digits) for value in figures),
+            *_by_subject(tracked, subjects, values, metric.digits),
+            metric.unit, Cell(", ".join(spread.outliers), "bad" if spread.outliers else ""),
+        ])  # fmt: skip
+    columns = [Column("metric", is_text=True), Column("n", 0), *(Column(name) for name in ("mean", "SD", "lowest", "highest"))]
+    columns += [Column(title, group=subject) for subject in _of_several(subjects) for title in ("mean", "SD")]
+    columns += [Column("", is_text=True), Column("outliers", is_text=True)]
+    return Table("over", "Metrics over trials", "", columns, rows)
+
+
+def _range_table(tracked: Sequence[Outcome], subjects: Sequence[str]) -> Table | None:
+    """Range of each joint's variable in a trial, over trials."""
+    names = dict.fromkeys(name for outcome in tracked for name in outcome.ranges)
+    if not names:
+        return None
+    rows: list[list[Value]] = []
+    for name in names:
+        ends = {outcome.name: outcome.ranges[name] for outcome in tracked if name in outcome.ranges}
+        widths = {trial: highest - lowest for trial, (lowest, highest) in ends.items()}
+        spread, (lowest, highest) = spread_over(widths), np.mean(list(ends.values()), axis=0)
+        rows.append([
+            name.replace("_", " "), spread.n, spread.mean, spread.sd, float(lowest), float(highest),
+            *_by_subject(tracked, subjects, widths, 1),
+            Cell(", ".join(spread.outliers), "bad" if spread.outliers else ""),
+        ])  # fmt: skip
+    columns = [Column("joint", is_text=True), Column("n", 0), Column("range"), Column("SD"), Column("lowest"), Column("highest")]
+    columns += [Column(title, group=subject) for subject in _of_several(subjects) for title in ("range", "SD")]
+    columns += [Column("outliers", is_text=True)]
+    note = "Degrees, for sliding joints meters; lowest and highest are means over trials."
+    return Table("ranges", "Ranges of motion over trials", note, columns, rows)
+
+
+def _of_several(subjects: Sequence[str]) -> Sequence[str]:
+    return subjects if len(subjects) > 1 else ()
+
+
+def _by_subject(
+    tracked: Sequence[Outcome], subjects: Sequence[str], values: Mapping[str, float | int | None], digits: int
+) -> list[Value]:
+    """Mean and SD for each subject, where there are several."""
+    found: list[Value] = []
+    for subject in _of_several(subjects):
+        spread = spread_over({o.name: values.get(o.name) for o in tracked if o.subject == subject})
+        found += [Cell(spread.mean, digits=digits), Cell(spread.sd, digits=digits)]
+    return found

@@ -1,0 +1,278 @@
+"""One trial tracked and reviewed, by whichever process is told to; results appear whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import socket
+import time
+import traceback
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..api.recording import recording_of
+from ..errors import FileFormatError, TrackerError
+from ..evaluation.evaluate import EvaluationOptions
+from ..evaluation.masks.reference import load_reference_masks
+from ..evaluation.report.builder import ReportOptions, write_report
+from ..evaluation.report.summary import parse_target
+from ..evaluation.review import Review
+from ..evaluation.run_review import RunFiles, review_run
+from ..evaluation.truth.states import unwrapped
+from ..loaders.json_values import finite, read_json
+from ..loaders.recording_yaml import FILES, MOST_LAG_IMAGES, RecordingFile
+from ..loaders.whole_file import write_whole
+from ..model.configuration import N_ROOT_DOF, variable_names
+from ..runs.images import first_image_of
+from ..runs.offline import OfflineRun, Recording, run_offline
+from ..tracking.estimate import TrackEstimate
+from ..version import __version__
+
+OUTCOME = "trial.json"
+OWN = ".batch"  # folder of what the batch needs itself
+TOKEN, PROGRESS, DRAFTS, FAILED = f"{OWN}/token", f"{OWN}/progress", f"{OWN}/drafts", "failed"
+TRACKED, FAILED_STATE = "tracked", "failed"
+_PROGRESS_S = 0.5
+_PICTURES = 4
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a worker needs to track a trial.
+
+    Attributes
+    ----------
+    name, subject, recording : of the trial.
+    inputs : digest of all that the trial is made from.
+    output : folder of the batch, seen from every worker at the same path.
+    token : content of its `TOKEN`, by which a worker knows that it sees the same folder.
+    threads : of the tracker; None: as its parameters say.
+    version : of this package, the same on all workers.
+    """
+
+    name: str
+    subject: str
+    recording: RecordingFile
+    inputs: str
+    output: str
+    token: str
+    threads: int | None = None
+    version: str = __version__
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a trial.
+
+    Attributes
+    ----------
+    state : `TRACKED` or `FAILED_STATE`.
+    reason, details : why it failed, in a sentence, and for whoever looks closer.
+    problems : sentences on what was unusual.
+    metrics : of `Review.metrics`, without the run's name.
+    ranges : name of a joint's variable -> lowest and highest value in sets with a state, degrees or meters.
+    """
+
+    name: str
+    subject: str
+    state: str
+    reason: str = ""
+    details: str = ""
+    problems: tuple[str, ...] = ()
+    image_sets: int = 0
+    status_counts: Mapping[str, int] = field(default_factory=dict)
+    metrics: Mapping[str, float | int | None] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    wall_s: float = 0.0
+    inputs: str = ""
+    batch: str = ""  # token of the call that has made it
+    version: str = ""
+    host: str = ""
+
+
+def run_trial(job: Job) -> Outcome:
+    """Track a trial, review it, and put its results into place.
+
+    Parameters
+    ----------
+    job : the trial.
+
+    Returns
+    -------
+    What became of it; whatever goes wrong is said there and raises nothing.
+    """
+    began = time.monotonic()
+    made_by: dict[str, Any] = {"inputs": job.inputs, "batch": job.token, "version": __version__, "host": socket.gethostname()}
+    try:
+        _check_place(job)
+        draft = Path(job.output) / DRAFTS / f"{job.name}.{uuid.uuid4().hex}"
+        try:
+            outcome = replace(_tracked(job, draft), wall_s=time.monotonic() - began, **made_by)
+            write_whole(draft / OUTCOME, json.dumps(asdict(outcome), indent=1, default=str) + "\n")
+            _put(draft, Path(job.output) / job.name, job.token)
+            return outcome
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+            (Path(job.output) / PROGRESS / job.name).unlink(missing_ok=True)
+    except TrackerError as error:
+        reason, details = str(error), ""
+    except Exception as error:  # of one trial; the others go on
+        reason, details = f"unexpected {type(error).__name__}: {error}", traceback.format_exc()
+    return Outcome(job.name, job.subject, FAILED_STATE, reason, details, wall_s=time.monotonic() - began, **made_by)
+
+
+def read_outcome(folder: Path) -> Outcome | None:
+    """What an earlier call has left in a trial's folder; None where there is nothing of a batch."""
+    if not (folder / OUTCOME).is_file():
+        return None
+    try:
+        values = read_json(folder / OUTCOME)
+        known = {entry.name for entry in fields(Outcome)}
+        return Outcome(**{name: value for name, value in values.items() if name in known})
+    except (FileFormatError, AttributeError, TypeError):
+        return None
+
+
+def inputs_of(file: RecordingFile, recording: Recording) -> str:
+    """Digest of all that a trial is made from: what it says, the content of small files, size and time of large ones.
+
+    Parameters
+    ----------
+    file, recording : as it stands in a file, and with the files read that it names.
+
+    Returns
+    -------
+    SHA-256, hexadecimal.
+    """
+    found = hashlib.sha256(file.model_dump_json().encode())
+    for name in FILES:
+        if getattr(file, name):
+            found.update(Path(getattr(file, name)).read_bytes())
+    large = [camera.source for camera in recording.rig if camera.source]
+    large += [name for name in (file.keypoints.files, file.keypoints.table, file.keypoints.weights) if name]
+    large += [file.joint_states.file] if file.joint_states else []
+    large += [] if file.evaluate is None else [*file.evaluate.truth, *([file.evaluate.masks] if file.evaluate.masks else [])]
+    for source in large:
+        found.update(f"{source} {_stamp_of(Path(source))}\n".encode())
+    return found.hexdigest()
+
+
+def _stamp_of(path: Path) -> str:
+    """What changes when a file changes, or files are put into a folder or a pattern."""
+    files = [path] if path.is_file() else sorted(path.glob("*")) if path.is_dir() else sorted(path.parent.glob(path.name))
+    return " ".join(f"{status.st_size}:{status.st_mtime_ns}" for status in (file.stat() for file in files if file.is_file()))
+
+
+def _check_place(job: Job) -> None:
+    """Raises TrackerError where this worker cannot do the batch's work."""
+    host, token = socket.gethostname(), Path(job.output) / TOKEN
+    if __version__ != job.version:
+        raise TrackerError(f"worker {host} has version {__version__} of tracker_node, expected {job.version}")
+    if not token.is_file():
+        missing = f"worker {host} does not see {job.output}"
+        raise TrackerError(f"{missing}: share this folder, and those of the images, at the same path")
+    if token.read_text(encoding="utf-8").strip() != job.token:
+        raise TrackerError(f"worker {host} sees another folder as {job.output} than the one that the batch writes to")
+
+
+def _tracked(job: Job, draft: Path) -> Outcome:
+    recording = recording_of(job.recording)
+    if job.threads is not None:
+        recording = replace(recording, config=replace(recording.config, threads=job.threads))
+    problems: list[str] = []
+    what = OfflineRun(**vars(recording), asked=recording.named_options())
+    summary = run_offline(what, draft, _progress(job), problems.append)
+    problems += [sentence for sentence in summary["errors"] if sentence not in problems]
+    if not summary["image_sets"]:
+        raise TrackerError("; ".join(problems) or "no image set was formed from the images")
+    if not any(count for name, count in summary["status_counts"].items() if name != "INITIALIZING"):
+        raise TrackerError(f"the body was not found in {summary['image_sets']} image sets: {summary['reason']}")
+    found = _reviewed(job, draft, summary)
+    metrics = {key: finite(value) for key, value in found.metrics().items()}
+    name = found.name
+    return Outcome(
+        job.name, job.subject, TRACKED,
+        problems=tuple(dict.fromkeys([*problems, *found.problems])),
+        image_sets=summary["image_sets"],
+        status_counts=summary["status_counts"],
+        metrics={key.removeprefix(f"{name}."): value for key, value in metrics.items()},
+        ranges=_ranges(found),
+    )  # fmt: skip
+
+
+def _progress(job: Job) -> Callable[[int, int | None, TrackEstimate], None]:
+    """Notes how far a trial is where the batch looks for it, now and then."""
+    place, due = Path(job.output) / PROGRESS / job.name, [0.0]
+
+    def note(done: int, expected: int | None, estimate: TrackEstimate) -> None:
+        now = time.monotonic()
+        if now >= due[0]:
+            due[0] = now + _PROGRESS_S
+            place.write_text(f"{done} {expected or 0}", encoding="utf-8")
+
+    return note
+
+
+def _reviewed(job: Job, draft: Path, summary: Mapping[str, Any]) -> Review:
+    """The run against truth, where the trial names any, with a report of its own then."""
+    entry, asked = job.recording.evaluate, job.recording.images
+    first = first_image_of(summary)
+    if entry is None:
+        return review_run(RunFiles(str(draft), pictures=0, options=EvaluationOptions(job.name)), _nothing)
+    lag = None if entry.lag == "auto" else float(np.clip(float(entry.lag), -MOST_LAG_IMAGES, MOST_LAG_IMAGES))
+    options = EvaluationOptions(job.name, lag, entry.align, entry.image_sets if asked.end is None else 0)
+    masks = load_reference_masks(entry.masks) if entry.masks else {}
+    found = review_run(
+        RunFiles(
+            str(draft), None, job.recording.rig, None, entry.truth, entry.y_up, masks, _PICTURES, options, first
+        ), _nothing,
+    )  # fmt: skip
+    write_report(draft, [found], ReportOptions(dict(map(parse_target, entry.targets))))
+    return found
+
+
+def _nothing(text: str) -> None:
+    """For sentences that a worker has nobody to say to."""
+
+
+def _ranges(found: Review) -> dict[str, tuple[float, float]]:
+    """Of the joints' variables, where the body is not lost."""
+    values = unwrapped(found.run.values)[found.run.has_state & ~found.said_lost]
+    units, names, ranges = found.model.chain.dof_units, variable_names(found.model), {}
+    for k in range(N_ROOT_DOF, values.shape[1] if len(values) else 0):
+        scale = np.degrees(1.0) if units[k] == "rad" else 1.0
+        ranges[names[k]] = (float(scale * values[:, k].min()), float(scale * values[:, k].max()))
+    return ranges
+
+
+def _put(draft: Path, place: Path, token: str) -> None:
+    """The results to where they are looked for; those of an earlier batch that were there go, after these have come."""
+    before = read_outcome(place)
+    if before is not None and before.batch == token:
+        return  # another worker, believed to be lost, has come to the end
+    if place.exists():
+        check_ours(place)
+        old = draft.with_name(f"{draft.name}.old")
+        place.rename(old)
+        draft.rename(place)
+        shutil.rmtree(old, ignore_errors=True)
+    else:
+        os.rename(draft, place)
+
+
+def check_ours(place: Path) -> None:
+    """Refuse a trial's folder that no batch has made.
+
+    Raises
+    ------
+    TrackerError : it holds something else.
+    """
+    if place.exists() and read_outcome(place) is None:
+        raise TrackerError(f"{place} is there already, and no result of a batch; move it away, or name another output")
