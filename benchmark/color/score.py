@@ -115,6 +115,20 @@ class Drawing:
         """How many pixels the body covers, cameras together, where it has been drawn."""
         return int((self._work[-1] != 0).sum())
 
+    @property
+    def visited(self) -> float:
+        """Pixels that a drawing visits, where the body has been drawn: of each shape in each row, in whole vectors."""
+        kinds, dims, _, _, used, colors = self._shapes
+        _, _, Ts_world_shape, arrays, buffers = self._work
+        boxes, spans, n = arrays[2], arrays[3], 0
+        for i, (params, limits, T_cam_world) in enumerate(zip(*self._cameras, strict=True)):
+            view, rays = self._images[0][i], self._images[1]
+            shapes = kinds, dims, used
+            draw_body(shapes, colors, T_cam_world, Ts_world_shape, params, limits, view, rays, arrays, buffers[i])
+            for (_, first, _, end), rows in zip(boxes, spans, strict=True):
+                n += int((-((rows[first:end, 0] - rows[first:end, 1]) // LANES) * LANES).sum())
+        return float(n)
+
 
 def timed(work: Callable[[], object], repeats: int) -> np.ndarray:
     """Milliseconds of each of ``repeats`` calls."""

@@ -20,7 +20,7 @@ NAVIGATION = {  # a page that is not named here fails the build
     "Begin": ("install", "tutorial", "gallery"),
     "Set up": ("cameras", "bodies", "tracking", "studio"),
     "Run": ("nodes", "batch", "results", "trust", "troubleshooting"),
-    "Look up": ("formats", "measured", "reproduce"),
+    "Look up": ("formats", "measured", "roofline", "reproduce"),
     "Develop": ("architecture", "development", "roadmap", "api/index"),
 }
 LEFT_OUT = ("ros", "cli")  # nodes and commands have documentation of their own, and nodes need ROS

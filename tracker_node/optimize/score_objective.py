@@ -39,6 +39,10 @@ class PartialObjective(ScoreObjective, Protocol):
         ----------
         state : the others as they stay.
         variables : indices, as of `model.configuration.to_variables`.
+
+        Returns
+        -------
+        An objective for such states.
         """
         ...
 
