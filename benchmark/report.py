@@ -6,7 +6,8 @@ The run is real: 700 image sets of six cameras of 640x480 are tracked offline. I
 that they were drawn from. ``build_s``: `tracker_node evaluate` as a process of its own, from its start to its end, with page, PDF
 and contact sheets. ``load_s``: from the start of navigation until the page has loaded and all charts are drawn, in headless
 Chromium; the fastest of a few, with the slowest beside it. Beside both stand seconds of processor time (``_cpu_s``; of the
-page's own thread), which others on the machine change less, and the time of one fixed kernel.
+page's own thread), which others on the machine change less, and the time of one fixed kernel. ``first_view_3d``: whether the page
+begins with the motion.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
         "report.cameras": len(load_rig(folder / "rig.yaml")),
         "report.build_s": build_s,
         "report.build_cpu_s": build_cpu_s,
+        "report.first_view_3d": int(begins_with_motion(page)),
         "report.size_mb": page.stat().st_size / 1e6,
         "report.pdf_mb": page.with_suffix(".pdf").stat().st_size / 1e6,
         "report.load_s": min((load.drawn_s for load in loads), default=float("nan")),
@@ -71,6 +73,12 @@ def main(arguments: list[str] | None = None) -> int:
     print_circumstances()
     report_metrics(figures, args.json)
     return 0
+
+
+def begins_with_motion(page: Path) -> bool:
+    """Whether the page's first section is the motion in space, to be played."""
+    sections = page.read_text(encoding="utf-8").split("<h2 ")
+    return len(sections) > 1 and 'id="view-section"' in sections[1] and "data-scene=" in sections[1]
 
 
 def lengthen(clip: Path, folder: Path, n: int) -> None:

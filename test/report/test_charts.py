@@ -6,7 +6,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from tracker_node.report.charts import draw, draw_curve, height_in, label_in
-from tracker_node.report.document import Bars, Block, Chart, Curve, HeatMap, Line, Strip, Strips
+from tracker_node.report.document import Bars, Block, Chart, Curve, HeatMap, Line, Moving, Scene, Strip, Strips
 
 X = np.array([0.0, 1.0, 2.0, 4.0])
 
@@ -155,3 +155,18 @@ def test_a_curve_that_stays_or_is_not_known_has_some_height():
     texts = {text.get_text() for text in panel(Line("a", X, np.full(4, np.nan))).texts}
     assert {"0", "1"} <= texts
     assert len(panel().artists) == 1
+
+
+def test_a_scene_shows_a_few_instants_beside_each_other():
+    points = np.zeros((20, 3, 3))
+    points[:, 1, 2], points[:, 2] = 1.0, [0.1, 0.0, 0.5]
+    points[:3] = np.nan
+    body = Moving("a", points, rods=[(0, 1, 0.1, 0.1, "#0072b2")], wires=[(0, 2, "#d55e00")], dots=[(2, "#1d2730")])
+    block = Scene("s", "t", "", np.arange(20) * 0.1, [body], [("tracking", "#009e73")] * 20, {"cam": np.full((5, 3), 3.0)})
+    ax = drawn(block)
+    assert [text.get_text() for text in ax.texts] == ["0.30 s", "0.60 s", "0.90 s", "1.30 s", "1.60 s", "1.90 s"]
+    rods = [line for line in ax.lines if to_hex(line.get_color()) == "#0072b2"]
+    assert len(rods) == 6 and len(ax.lines) == 18 and all(line.get_ydata() == pytest.approx([0.0, 1.0]) for line in rods)
+    places = [line.get_xdata()[0] for line in rods]
+    assert places == sorted(places) and places[0] < places[-1]
+    assert height_in(block) > 1.0 and not drawn(Scene("s", "t")).lines

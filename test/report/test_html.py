@@ -18,7 +18,9 @@ from tracker_node.report.document import (
     Document,
     DocumentSection,
     Line,
+    Moving,
     Pictures,
+    Scene,
     Table,
 )
 
@@ -51,8 +53,18 @@ def test_cells_have_their_text_and_their_mark():
 
 
 def test_kinds_of_blocks():
-    blocks = [Table("t", "T"), Pictures("p", "P"), Curves("c", "C"), Chart("x", "X"), Bars("b", "B")]
-    assert [page._kind_of(block) for block in blocks] == ["table", "pictures", "curves", "chart", "chart"]
+    blocks = [Table("t", "T"), Pictures("p", "P"), Curves("c", "C"), Scene("s", "S"), Chart("x", "X"), Bars("b", "B")]
+    assert [page._kind_of(block) for block in blocks] == ["table", "pictures", "curves", "scene", "chart", "chart"]
+
+
+def test_a_scene_has_whole_millimeters_and_nothing_where_nothing_is():
+    points = np.array([[[0.0014, 0.0016, -1.0], [np.nan] * 3], [[np.nan] * 3] * 2])
+    moving = Moving("a", points, rods=[(0, 1, 0.0504, 0.02, "#000")], dots=[(1, "#111")])
+    data = page.scene_data(Scene("s", "S", "", np.array([0.0, 0.1]), [moving], [("lost", "#222")] * 2, {"cam": np.ones((5, 3))}))
+    (body,) = data["bodies"]
+    assert body["frames"] == [[1, 2, -1000, None, None, None], None] and body["rods"] == [[0, 1, 50, 20, "#000"]]
+    assert data["cameras"] == [{"name": "cam", "points": [[1000] * 3] * 5}] and data["times"] == [0.0, 0.1]
+    json.dumps(data, allow_nan=False)
 
 
 def test_json_cannot_end_its_script():

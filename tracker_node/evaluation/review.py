@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..tracking.estimate import Status
@@ -62,6 +63,7 @@ class Review:
     silhouettes: SilhouetteScores = field(default_factory=SilhouetteScores)
     pictures: Sequence[Picture] = ()
     problems: Sequence[str] = ()
+    rig: CameraRig | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..loaders.model.model_yaml import load_model
 from ..loaders.rig.rig_yaml import load_rig
@@ -81,24 +82,26 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     options = replace(files.options, first_image=first_image)
     found = review(tracked, model, truth_of(files.truth, files.y_up, model), options, sources)
     shown = ReviewOptions(files.pictures, first_image=first_image)
-    images = _images(files, tracked, _as_seen(files, model), rig_path, shown, found.period_s * 1e9, tell)
+    rig = None
+    if rig_path:
+        rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != file_of(tracked.info, "rig"))
+    images = _images(files, tracked, _as_seen(files, model), rig, shown, found.period_s * 1e9, tell)
     problems = [*found.problems, *_contradicted(tracked.info), *unobservable_text(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
-    return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems)
+    return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems, rig=rig)
 
 
 def _images(
     files: RunFiles,
     tracked: RunData,
     model: ArticulatedModel,
-    rig_path: str | None,
+    rig: CameraRig | None,
     options: ReviewOptions,
     period_ns: float,
     tell: Callable[[str], None],
 ) -> ImageReview:
-    if not rig_path:
+    if rig is None:
         return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
-    rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != file_of(tracked.info, "rig"))
     return review_images(tracked, model, rig, files.masks, period_ns, options, tell)
 
 

@@ -12,9 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from .document import GRAY, RED, TIME, Bars, Block, Chart, Curve, HeatMap, Line, Strips
+from .document import GRAY, RED, TIME, Bars, Block, Chart, Curve, HeatMap, Line, Scene, Strips
 
 _SMALL = 7
+_INSTANTS = 6  # of a scene, on paper
+_POINTS_PER_M = 30.0
 
 
 def height_in(block: Block) -> float:
@@ -23,6 +25,8 @@ def height_in(block: Block) -> float:
         return 2.5
     if isinstance(block, Bars):
         return 2.9
+    if isinstance(block, Scene):
+        return 2.4
     if isinstance(block, Strips):
         return 0.85 + 0.2 * len(block.rows)
     return 0.75 + 0.17 * len(block.rows) if isinstance(block, HeatMap) else 0.0
@@ -54,6 +58,8 @@ def draw(block: Block, ax: Axes) -> None:
         _draw_strips(block, ax)
     elif isinstance(block, HeatMap):
         _draw_heat_map(block, ax)
+    elif isinstance(block, Scene):
+        _draw_scene(block, ax)
     else:
         raise ValueError(f"expected a chart, got {type(block).__name__}")
 
@@ -167,6 +173,35 @@ def _draw_heat_map(block: HeatMap, ax: Axes) -> None:
 _LEGEND: dict[str, Any] = {
     "loc": "lower left", "bbox_to_anchor": (0, 1.0), "ncols": 7, "frameon": False, "fontsize": 6.5, "borderaxespad": 0.2,
 }  # fmt: skip
+
+
+def _draw_scene(scene: Scene, ax: Axes) -> None:
+    """A few instants beside each other, seen from the side of the first camera, each from the lowest point up."""
+    ax.axis("off")
+    ax.set_aspect("equal")
+    seen = np.flatnonzero([any(np.isfinite(body.points[i]).any() for body in scene.bodies) for i in range(len(scene.times))])
+    if not len(seen):
+        return
+    chosen = np.unique(seen[np.linspace(0, len(seen) - 1, _INSTANTS).round().astype(int)])
+    every = np.concatenate([body.points[chosen].reshape(-1, 3) for body in scene.bodies])
+    toward = next((corners[0] for corners in scene.cameras.values()), np.array([1.0, -1.0, 0.0])) - np.nanmean(every, axis=0)
+    right = np.array([-toward[1], toward[0]]) / max(float(np.hypot(*toward[:2])), 1e-9)
+    floor, apart = float(np.nanmin(every[:, 2])), 0.0
+    height = float(np.nanmax(every[:, 2])) - floor
+    for i in chosen:
+        here = np.concatenate([body.points[i] for body in scene.bodies])
+        middle, width = np.nanmean(here[:, :2], axis=0), float(np.ptp((here[:, :2] @ right)[np.isfinite(here[:, 0])]))
+        apart += 0.5 * width
+        for body in scene.bodies:
+            at = np.column_stack([(body.points[i, :, :2] - middle) @ right + apart, body.points[i, :, 2] - floor])
+            for a, b, ra, rb, color in body.rods:
+                ax.plot(*at[[a, b]].T, color=color, lw=max(_POINTS_PER_M * (ra + rb), 0.8), solid_capstyle="round", alpha=0.85)
+            for a, b, color in body.wires:
+                ax.plot(*at[[a, b]].T, color=color, lw=0.8)
+            for k, color in body.dots:
+                ax.plot(*at[k], ".", color=color, ms=2)
+        ax.text(apart, -0.12 * height, f"{scene.times[i]:.2f} s", size=_SMALL, ha="center", va="top")
+        apart += 0.5 * width + 0.25 * height
 
 
 def _legend(ax: Axes) -> None:

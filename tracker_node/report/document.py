@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,8 +13,15 @@ BLUE, ORANGE, GREEN, RED, PURPLE, GRAY = "#0072b2", "#e69f00", "#009e73", "#d55e
 SKY = "#56b4e9"
 CYCLE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#999933", GRAY)
 BLACK = "#1d2730"
+_NAMES = dict(zip(CYCLE, ("blue", "orange", "green", "red", "purple", "light blue", "olive", "gray"), strict=True))
+
 
 TIME = "time since image 0 [s]"
+
+
+def color_name(color: str) -> str:
+    """What people call a color of this module; another one as it is."""
+    return _NAMES.get(color, color)
 
 
 @dataclass(frozen=True)
@@ -171,6 +178,41 @@ class Pictures(Block):
     """Rows of (caption, image (h, w, 3) BGR)."""
 
     rows: Sequence[Sequence[tuple[str, np.ndarray]]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """What moves in a scene: points (n, m, 3) meters, NaN where it is not, and what is drawn between them.
+
+    Attributes
+    ----------
+    rods : (from, to, radius in meters at either end, color), a limb each.
+    wires : (from, to, color), thin lines.
+    dots : (point, color).
+    """
+
+    label: str
+    points: np.ndarray
+    rods: Sequence[tuple[int, int, float, float, str]] = ()
+    wires: Sequence[tuple[int, int, str]] = ()
+    dots: Sequence[tuple[int, str]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Scene(Block):
+    """Bodies in space over time, which a page plays and turns; z is up.
+
+    Attributes
+    ----------
+    times : (n,) seconds.
+    states : (n,) what holds at each time, and its color.
+    cameras : name -> (5, 3) meters: center, and four corners of a small image before it.
+    """
+
+    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    bodies: Sequence[Moving] = ()
+    states: Sequence[tuple[str, str]] = ()
+    cameras: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..loaders.csv_file import CsvWriter
-from .document import Bars, Block, Cell, Chart, Curves, Document, HeatMap, Line, Pictures, Strips, Table
+from .document import Bars, Block, Cell, Chart, Curves, Document, HeatMap, Line, Pictures, Scene, Strips, Table
 
 FOLDER = "figures"
 DIGITS = 9  # significant ones
 
 
 def write_figure_files(output: Path, document: Document) -> list[Path]:
-    """Two files for every table and chart, in the folder ``figures``; pictures have none.
+    """Two files for every table and chart, in the folder ``figures``; pictures and scenes have none.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def write_figure_files(output: Path, document: Document) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
     for block in document.blocks:
-        if isinstance(block, Pictures):
+        if isinstance(block, (Pictures, Scene)):
             continue
         header, rows = columns_of(block)
         path = folder / f"{file_name(block.key)}.csv"

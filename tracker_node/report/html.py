@@ -33,6 +33,7 @@ from .document import (
     HeatMap,
     Line,
     Pictures,
+    Scene,
     Strips,
     Table,
     Value,
@@ -49,6 +50,7 @@ def render_html(document: Document) -> str:
     source = _template("report.html.j2")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     charts = {block.key: figure for block in document.blocks if (figure := figure_of(block)) is not None}
+    scenes = {block.key: scene_data(block) for block in document.blocks if isinstance(block, Scene)}
     curves = [curve_data(curve) for block in document.blocks if isinstance(block, Curves) for curve in block.curves]
     return environment.from_string(source).render(
         document=document,
@@ -58,7 +60,8 @@ def render_html(document: Document) -> str:
         sheet_of=_sheet_of,
         charts=_json(charts),
         curves=_json(curves),
-        script=Markup(_template("report.js")),
+        scenes=_json(scenes),
+        script=Markup(_template("scene.js") + _template("report.js")),
         plotly=Markup(_template(PLOTLY) if charts or curves else ""),
     )
 
@@ -74,7 +77,7 @@ def _json(content: Any) -> Markup:
 
 
 def _kind_of(block: Block) -> str:
-    return {Table: "table", Pictures: "pictures", Curves: "curves"}.get(type(block), "chart")
+    return {Table: "table", Pictures: "pictures", Curves: "curves", Scene: "scene"}.get(type(block), "chart")
 
 
 def _head_of(table: Table) -> list[tuple[str, int]]:
@@ -135,6 +138,24 @@ def curve_data(curve: Curve) -> dict[str, Any]:
     """One curve as the page's script draws it."""
     panels = [{"title": title, "lines": [_trace(line) for line in lines]} for title, lines in curve.panels]
     return {"group": curve.group, "name": curve.name, "unit": curve.unit, "panels": panels}
+
+
+def scene_data(scene: Scene) -> dict[str, Any]:
+    """A scene as the page's script plays it: places in whole millimeters, none where a body is not."""
+    bodies = []
+    for body in scene.bodies:
+        places = 1e3 * body.points.reshape(len(body.points), -1)
+        frames = [[_whole(x) for x in row] if np.isfinite(row).any() else None for row in places.tolist()]
+        rods = [[a, b, round(1e3 * ra), round(1e3 * rb), color] for a, b, ra, rb, color in body.rods]
+        bodies.append({
+            "label": body.label, "frames": frames, "rods": rods, "wires": list(body.wires), "dots": list(body.dots),
+        })  # fmt: skip
+    cameras = [{"name": name, "points": np.rint(1e3 * corners).astype(int).tolist()} for name, corners in scene.cameras.items()]
+    return {"times": plain(scene.times, X_DIGITS), "states": list(scene.states), "bodies": bodies, "cameras": cameras}
+
+
+def _whole(value: float) -> int | None:
+    return round(value) if math.isfinite(value) else None
 
 
 def plain(values: Iterable[float], digits: int = DIGITS) -> list[float | None]:

@@ -20,7 +20,6 @@ from .document import (
     BLUE,
     GRAY,
     GREEN,
-    ORANGE,
     RED,
     Block,
     Cell,
@@ -31,6 +30,7 @@ from .document import (
     Table,
     Value,
     cell_text,
+    color_name,
 )
 
 _MARGIN_IN, WIDTH_IN = 0.6, 7.06
@@ -180,7 +180,8 @@ class _Pages(FPDF):
 
     def _curves(self, block: Curves) -> None:
         lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
-        self.text_of("Lines: " + ", ".join(f"{label} ({_color_name(color)})" for label, color in lines.items()), _SMALL, GRAY)
+        names = {label: "black, dashed" if color == BLACK else color_name(color) for label, color in lines.items()}
+        self.text_of("Lines: " + ", ".join(f"{label} ({name})" for label, name in names.items()), _SMALL, GRAY)
         panels = [(curve, i) for curve in block.curves for i in range(len(curve.panels))]
         width = WIDTH_IN / _CURVES_ACROSS
         for first in range(0, len(panels), _CURVES_ACROSS):
@@ -263,7 +264,3 @@ def _for_print(bgr: np.ndarray, height_in: float) -> bytes:
     rows = min(round(130 * height_in), bgr.shape[0])
     small = cv2.resize(bgr, (max(round(bgr.shape[1] * rows / bgr.shape[0]), 1), rows), interpolation=cv2.INTER_AREA)
     return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
-
-
-def _color_name(color: str) -> str:
-    return {BLACK: "black, dashed", BLUE: "blue", ORANGE: "orange", GREEN: "green", RED: "red"}.get(color, color)

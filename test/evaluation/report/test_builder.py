@@ -299,3 +299,43 @@ def test_a_table_that_is_longer_than_a_page_has_its_titles_on_each(tmp_path):
     pages = [page.extract_text() for page in pypdf.PdfReader(tmp_path / "long.pdf").pages]
     assert len(pages) == n and n >= 3 and all("value" in page for page in pages if "row" in page)
     assert [word for page in pages for word in page.split() if word.startswith("row")] == [f"row{i}" for i in range(200)]
+
+
+def test_the_first_thing_on_the_page_is_the_motion_and_it_plays(folder):
+    with browser_tab() as tab:
+        tab.page.goto((folder / "one" / "report.html").as_uri())
+        tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
+        assert tab.page.locator("h2").first.text_content() == "The motion"
+        frame = "document.querySelector('[data-scene] input').value"
+        before = tab.page.evaluate(PICTURE)
+        assert before["colors"] > 3  # limbs of both sides, the trunk, the floor
+        tab.page.locator("[data-scene] .play").click()
+        tab.page.wait_for_function(f"Number({frame}) > 3", timeout=60_000)
+        tab.page.locator("[data-scene] canvas").focus()
+        tab.page.keyboard.press("ArrowRight")  # stops it, too
+        at = tab.page.evaluate(frame)
+        assert tab.page.evaluate(PICTURE)["pixels"] != before["pixels"]
+        box = tab.page.locator("[data-scene] canvas").bounding_box()
+        still = tab.page.evaluate(PICTURE)["pixels"]
+        tab.page.mouse.move(box["x"] + 200, box["y"] + 200)
+        tab.page.mouse.down()
+        tab.page.mouse.move(box["x"] + 300, box["y"] + 220)
+        tab.page.mouse.up()
+        assert tab.page.evaluate(PICTURE)["pixels"] != still and tab.page.evaluate(frame) == at
+        assert tab.page.locator("[data-scene] .said").text_content().endswith(("tracking", "lost"))
+        assert tab.errors == []
+
+
+PICTURE = """(() => {
+  const canvas = document.querySelector('[data-scene] canvas');
+  const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  const counts = new Map();
+  let sum = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    if (data[i + 3] === 0) continue;
+    const color = (data[i] << 16) | (data[i + 1] << 8) | data[i + 2];
+    counts.set(color, (counts.get(color) || 0) + 1);
+    sum = (sum * 31 + i + color) % 1000000007;
+  }
+  return { colors: [...counts.values()].filter(n => n > 200).length, pixels: sum };
+})()"""  # how many colors cover more than 200 pixels, and a number that changes with the picture

@@ -20,6 +20,7 @@ from ..review import Review
 from ..state_errors import ROWS
 from ..truth.states import unwrapped
 from . import charts, summary, tables
+from .scene import scene
 from .summary import Target
 
 REPORT_JSON, REPORT_HTML, REPORT_PDF = "report.json", "report.html", "report.pdf"
@@ -129,6 +130,7 @@ def _facts_of(review: Review) -> list[tuple[str, str]]:
 
 def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Iterator[tuple[str, str, list[Block | None]]]:
     """(key, heading, blocks) in their order; what could not be measured is None."""
+    yield "view", "The motion", [scene(reviews)]
     yield "summary", "Summary", [summary.summary_table(reviews, targets), summary.parameter_table(reviews)]
     yield "losses", "Status and losses", [
         charts.status_strips(reviews), tables.loss_table(reviews), *_each(reviews, charts.limb_strips),

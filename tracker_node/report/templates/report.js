@@ -1,4 +1,3 @@
-"use strict";
 // Draws the charts one after the other when the page has been laid out, so that it can be read before all of them are there.
 
 const charts = JSON.parse(document.getElementById("charts").textContent);
@@ -82,6 +81,7 @@ function fillCurves() {
 const pause = () => new Promise((resolve) => setTimeout(resolve, 0));
 
 async function drawAll() {
+  drawScenes();
   for (const element of document.querySelectorAll("[data-chart]")) {
     await drawChart(element);
     await pause();
