@@ -37,6 +37,7 @@ KEYPOINTS_REQUIREMENTS = ["ai-edge-litert>=2.3"]
 H5_REQUIREMENTS = ["h5py>=3.9"]
 DATA_REQUIREMENTS = ["pandas>=2.2", "xarray>=2024.1"]
 CLUSTER_REQUIREMENTS = ["distributed>=2024.1"]
+SOUND_REQUIREMENTS = ["av>=14.0"]
 DOCS_REQUIREMENTS = ["furo", "myst-parser", "sphinx"]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
@@ -123,6 +124,7 @@ setup(
         "h5": H5_REQUIREMENTS,
         "data": DATA_REQUIREMENTS,
         "cluster": CLUSTER_REQUIREMENTS,
+        "sound": SOUND_REQUIREMENTS,
         "docs": DOCS_REQUIREMENTS,
         "test": [
             *TEST_REQUIREMENTS,
@@ -131,6 +133,7 @@ setup(
             *H5_REQUIREMENTS,
             *DATA_REQUIREMENTS,
             *CLUSTER_REQUIREMENTS,
+            *SOUND_REQUIREMENTS,
             *DOCS_REQUIREMENTS,
         ],
     },

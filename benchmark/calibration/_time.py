@@ -46,7 +46,7 @@ MIN_CONFIDENCE = 0.3
 def offset_section() -> Figures:
     """A camera that runs freely beside three that are triggered together; and the Balancing clip with one camera's stamps moved.
 
-    The first: the mannequin, drawn by OpenGL, by videos alone (`calibrate time`), then by the tracked body as well
+    The first: the mannequin, drawn by OpenGL, by videos alone (`synchronize`), then by the tracked body as well
     (`track`, `calibrate body`, `track`, `calibrate refine --from-run`). ``error_ms`` is what the videos alone
     leave, of the free camera against the mean of the others, ``body_error_ms`` what is left after the body, which is not always
     less: the mannequin is dressed, and not the tracker's model.
@@ -57,7 +57,7 @@ def offset_section() -> Figures:
     folder = CACHE / f"free_running_{CLIP}_{N_IMAGES}"
     true_s = record_free_running(folder)
     rigs = {name: folder / f"rig_{name}.yaml" for name in ("timed", "refined")}
-    _run("calibrate", "time", "--rig", folder / "rig.yaml", "-o", rigs["timed"], "--force", "--quiet")
+    _run("synchronize", "--rig", folder / "rig.yaml", "-o", rigs["timed"], "--force", "--quiet")
     config = folder / "tracker.yaml"
     config.write_text(f"synchronizer: {{tolerance: 0.6, image_period_s: {1.0 / RATE_HZ:.7f}}}\n", encoding="utf-8")
     with tempfile.TemporaryDirectory() as scratch:

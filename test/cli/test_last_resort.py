@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tracker_node.cli import layouts
 from tracker_node.cli._last_resort import ROS_PACKAGES
 from tracker_node.cli.main import NODES, main
+from tracker_node.cli.nodes import layouts
 
 ADDRESS = "rtsp://user:secret@host/stream"
 UNFORESEEN = {

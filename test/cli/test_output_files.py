@@ -42,5 +42,5 @@ def test_folders_and_two_outputs_of_one_name_are_refused(tmp_path, force):
 def test_figures_do_not_go_over_the_rig(tmp_path, capsys):
     write_rig_file(rig_file_of(circle_rig(2)), tmp_path / "rig.yaml")
     output = tmp_path / "timed.json"
-    assert main(["calibrate", "time", "--rig", str(tmp_path / "rig.yaml"), "-o", str(output)]) == 2
+    assert main(["synchronize", "--rig", str(tmp_path / "rig.yaml"), "-o", str(output)]) == 2
     assert "are one file" in capsys.readouterr().err and not output.exists()

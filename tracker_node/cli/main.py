@@ -17,6 +17,7 @@ from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
 
 NODES = ("camera_ingest", "keypoints", "tracker", "compose", "recorder", "player", "pipeline", "rectify")
+_BESIDE_NODES = ("layouts",)  # what they are watched with
 INTERRUPTED = 130  # as a shell has it
 
 
@@ -27,12 +28,12 @@ def verbs() -> list[str]:
     """Names of all verbs, from the modules of this package."""
     package = importlib.import_module("tracker_node.cli")
     found = (m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
-    return sorted({*NODES, *found} - {*_NO_VERBS})
+    return sorted({*NODES, *_BESIDE_NODES, *found} - {*_NO_VERBS})
 
 
 def module_of(verb: str) -> str:
     """Name of the module of a verb."""
-    return f"tracker_node.cli.nodes.{verb}" if verb in NODES else f"tracker_node.cli.{verb}"
+    return f"tracker_node.cli.nodes.{verb}" if verb in (*NODES, *_BESIDE_NODES) else f"tracker_node.cli.{verb}"
 
 
 def parser_of(verb: str, module: ModuleType) -> argparse.ArgumentParser:
@@ -132,7 +133,7 @@ def _overviewed(argv: list[str]) -> int:
     return _unknown(argv[0])
 
 
-_RENAMED = {"track_offline": "track", "import_rig": "rig import"}  # verbs of version 0.1
+_RENAMED = {"track_offline": "track", "import_rig": "rig import", "calibrate time": "synchronize"}  # verbs of earlier versions
 _RENAMED_OPTIONS = {
     "--through-masks": "--masked-images",
     "--stills": "--background-images",
@@ -164,8 +165,9 @@ def _unknown(verb: str) -> int:
 
 
 def _run(verb: str, rest: list[str]) -> int:
-    if verb not in verbs():
-        return _unknown(verb)
+    whole = f"{verb} {rest[0]}" if rest else verb
+    if verb not in verbs() or whole in _RENAMED:
+        return _unknown(whole if whole in _RENAMED else verb)
     module = importlib.import_module(module_of(verb))
     # Nodes take ROS arguments after their own; argparse must not see them, it would take `-p` or `-r` for ours. Launch appends
     # them to every verb that it starts.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.calibration.clocks.motion import MotionMeter, _angles, _beginning, _changed, plane_numbers, small_size
+from tracker_node.calibration.clocks.motion import MotionMeter, _angles, _changed, beginning, plane_numbers, small_size
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError
@@ -155,5 +155,5 @@ def test_too_few_images_and_images_without_motion_are_refused():
 @pytest.mark.parametrize("first_ns", [0, 7_000_000_000])
 def test_the_first_seconds_are_counted_from_the_first_image(first_ns):
     images = [(first_ns + i * 500_000_000, i) for i in range(10)]
-    assert [image for _, image in _beginning(iter(images), 2.0)] == [0, 1, 2, 3, 4]
-    assert [image for _, image in _beginning(iter(images), 1.9)] == [0, 1, 2, 3]
+    assert [image for _, image in beginning(iter(images), 2.0)] == [0, 1, 2, 3, 4]
+    assert [image for _, image in beginning(iter(images), 1.9)] == [0, 1, 2, 3]

@@ -283,7 +283,7 @@ GRAPH = ("camera_ingest --rig rig.yaml --loop", "tracker --rig rig.yaml --model 
 
 # (page, section) -> what the section begins with, and commands that run in the background meanwhile
 GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[str, ...]]] = {
-    ("docs/batch.md", "trials.yaml"): ((trials,), ()),
+    ("docs/batch.md", "Track them"): ((trials,), ()),
     ("docs/bodies.md", "A person"): ((static_trial,), ()),
     ("docs/bodies.md", "Fit a body to a run"): ((scaled_arm,), ()),
     ("docs/bodies.md", "A plate with a texture"): ((plate,), ()),

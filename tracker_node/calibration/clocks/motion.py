@@ -36,7 +36,7 @@ _LEAST_OVERLAP = 0.4  # of the shorter recording
 _LEAST_OVERLAP_S = 0.5
 _BLOCK_S = 0.4  # motion is taken to be independent from one block to the next
 _ITERATIONS = 30
-_MOST_AT_ONCE = 4  # recordings that are read side by side
+MOST_AT_ONCE = 4  # recordings that are read side by side
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,16 +199,25 @@ def measured_motions(
     def measured(index: int) -> MotionProfiles:
         name = rig.names[index]
         meter = MotionMeter(name, [other for other in rig.names if other != name], None if whole_images else rig)
-        motion = meter.measure(_beginning(sources[index], seconds))
+        motion = meter.measure(beginning(sources[index], seconds))
         if progress is not None:
             progress(name, len(motion.times_s) + 1)
         return motion
 
-    return Workers(min(_MOST_AT_ONCE, len(sources))).map(measured, range(len(sources)))
+    return Workers(min(MOST_AT_ONCE, len(sources))).map(measured, range(len(sources)))
 
 
-def _beginning(source: Iterable[tuple[int, np.ndarray]], seconds: float) -> Iterator[tuple[int, np.ndarray]]:
-    """Images of the first seconds."""
+def beginning(source: Iterable[tuple[int, np.ndarray]], seconds: float) -> Iterator[tuple[int, np.ndarray]]:
+    """Images of the first seconds.
+
+    Parameters
+    ----------
+    source, seconds : (stamp_ns, image) in the order of time; how much of it.
+
+    Yields
+    ------
+    The same, up to there.
+    """
     first_ns = None
     for stamp_ns, image in source:
         first_ns = stamp_ns if first_ns is None else first_ns

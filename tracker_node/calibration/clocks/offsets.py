@@ -111,24 +111,24 @@ class Clocks:
         return metrics
 
 
-def with_clocks(rig_file: RigFile, clocks: Clocks, motions: Sequence[MotionProfiles]) -> RigFile:
+def with_clocks(rig_file: RigFile, clocks: Clocks, first_s: Mapping[str, float]) -> RigFile:
     """A rig's file with the clocks of its cameras.
 
     Parameters
     ----------
     rig_file : with the offsets by which the images were read.
     clocks : what has been found.
-    motions : what it was found from.
+    first_s : camera -> stamp of its first image, as it was read.
 
     Returns
     -------
     A copy.
     """
     cameras = dict(rig_file.cameras)
-    for motion in motions:
-        entry = cameras[motion.camera]
-        offset_s, ppm = clocks.corrected(motion.camera, motion.first_s, entry.time_offset_s, entry.time_drift_ppm)
-        cameras[motion.camera] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
+    for name, first in first_s.items():
+        entry = cameras[name]
+        offset_s, ppm = clocks.corrected(name, first, entry.time_offset_s, entry.time_drift_ppm)
+        cameras[name] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
     return rig_file.model_copy(update={"cameras": cameras})
 
 
@@ -165,7 +165,7 @@ def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | N
         lag_s = signals[i].step_s * (start[j] - start[i])
         if table is not None and (pair := refined(i, j, signals, lag_s, middle_s, width)) is not None:
             pairs.append(pair)
-    return _solved(pairs, motions, runners_up, middle_s, width)
+    return clocks_of_pairs(pairs, [m.camera for m in motions], runners_up, middle_s, width)
 
 
 def _consistent_lags(tables: Tables, motions: Sequence[MotionProfiles], near: float) -> tuple[list[int], list[float]]:
@@ -213,14 +213,32 @@ def _sums(k: int, lags: Mapping[int, int], tables: Tables) -> dict[int, float]:
     return sums
 
 
-def _solved(
-    pairs: Sequence[Pair], motions: Sequence[MotionProfiles], runners_up: Sequence[float], middle_s: float, width: int
-) -> Clocks:
-    """Clocks that agree best with the lags of all pairs, set so that most offsets and drifts are 0."""
-    n = len(motions)
-    for k, motion in enumerate(motions):
+def clocks_of_pairs(
+    pairs: Sequence[Pair], names: Sequence[str], runners_up: Sequence[float], middle_s: float, width: int = 1,
+    what: str = "motion",
+) -> Clocks:  # fmt: skip
+    """Clocks that agree best with the lags of all pairs, set so that most offsets and drifts are 0.
+
+    Parameters
+    ----------
+    pairs : of cameras, by their numbers.
+    names, runners_up : of the cameras; how well another lag agrees, in shares of this one.
+    middle_s : time that offsets are for.
+    width : 2 where pairs have drifts, else 1.
+    what : the lags come from, for messages.
+
+    Returns
+    -------
+    Offsets and drifts with their uncertainty.
+
+    Raises
+    ------
+    CalibrationError : a camera that agrees with no other.
+    """
+    n = len(names)
+    for k, name in enumerate(names):
         if max((pair.correlation for pair in pairs if k in (pair.i, pair.j)), default=0.0) < _BEST_CORRELATION:
-            raise CalibrationError(motion.camera, "its motion agrees with no other camera's below the image period")
+            raise CalibrationError(name, f"its {what} agrees with no other camera's below the image period")
     held = np.zeros((n, width), dtype=bool)
     for _ in range(2):
         values, covariance, misfit = _network(pairs, n, width, held)
@@ -235,8 +253,8 @@ def _solved(
     best = [max(pair.correlation for pair in pairs if k in (pair.i, pair.j)) for k in range(n)]
     drift = np.zeros((n, 2)) if width == 1 else np.stack([values[:, 1], free_sigmas[:, 1]], axis=1)
     cameras = {
-        m.camera: ClockFit(*(float(v) for v in (values[k, 0], free_sigmas[k, 0], *drift[k], best[k], runners_up[k])))
-        for k, m in enumerate(motions)
+        name: ClockFit(*(float(v) for v in (values[k, 0], free_sigmas[k, 0], *drift[k], best[k], runners_up[k])))
+        for k, name in enumerate(names)
     }
     return Clocks(cameras, middle_s, free_covariance[::width, ::width], misfit)
 

@@ -1,4 +1,4 @@
-"""Verbs that are ROS nodes, and the pipeline of them.
+"""Verbs that are ROS nodes, the pipeline of them, and the layouts that they are watched with.
 
 Begin with `tracker`.
 """

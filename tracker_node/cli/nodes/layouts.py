@@ -23,14 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..errors import TrackerError
-    from ..loaders.layouts.foxglove import write_foxglove_layout
-    from ..loaders.layouts.plotjuggler import write_plotjuggler_layout
-    from ..loaders.layouts.rviz import write_rviz_layout
-    from ..loaders.layouts.viewed_graph import ViewedGraph, joints_to_plot
-    from ..loaders.model.model_yaml import load_model
-    from ..loaders.rig.rig_yaml import load_rig
-    from ..model.humans.human import human_model
+    from ...errors import TrackerError
+    from ...loaders.layouts.foxglove import write_foxglove_layout
+    from ...loaders.layouts.plotjuggler import write_plotjuggler_layout
+    from ...loaders.layouts.rviz import write_rviz_layout
+    from ...loaders.layouts.viewed_graph import ViewedGraph, joints_to_plot
+    from ...loaders.model.model_yaml import load_model
+    from ...loaders.rig.rig_yaml import load_rig
+    from ...model.humans.human import human_model
 
     joints = joints_to_plot(load_model(args.model) if args.model else human_model())
     rig = load_rig(args.rig) if args.rig else None

@@ -1,0 +1,154 @@
+"""Lags between cameras by flashes of light, or a lamp that is switched on and off.
+
+A camera knows of a flash only in which image it comes first: half an image period early or late. Many flashes at uneven times
+tell the lag far below that: by the lags that none of them excludes, and, of cameras that run alike, by how often a flash comes an
+image earlier in one than in the other.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...errors import CalibrationError
+from .motion import MIN_IMAGES, Pair
+
+_GRID = (32, 18)  # blocks of an image
+_NEIGHBORS = 15  # images, of whose median brightness a flash stands out
+_NOISE, _LEAST_LEVELS = 6.0, 4.0  # by how many times its usual change, and gray levels, a flash is brighter than before
+_LEAST_SHARE = 0.6  # of the flashes that two cameras have in common
+_NEAR_PERIODS = 2.0
+_GRID_OF_LAGS, _MISSED = 600, 0.01  # places of the posterior; probability that a flash is not seen, or another one is
+
+
+@dataclass(frozen=True, eq=False)
+class Flashes:
+    """Changes of light that a camera has seen.
+
+    Attributes
+    ----------
+    camera : its name.
+    times_s : (n,) stamps of the images in which light came on.
+    period_s : of its images.
+    stamps_s, levels : (m,) of all images, and how bright they are.
+    """
+
+    camera: str
+    times_s: np.ndarray
+    period_s: float
+    stamps_s: np.ndarray
+    levels: np.ndarray
+
+
+def seen_flashes(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Flashes:
+    """Flashes in the images of a camera.
+
+    Parameters
+    ----------
+    camera, images : its name; (stamp_ns, (h, w, 3) BGR) in the order of time.
+
+    Returns
+    -------
+    When light came on.
+
+    Raises
+    ------
+    CalibrationError : too few images, or none that is brighter at once.
+    """
+    stamps, rows = [], []
+    for stamp_ns, bgr in images:
+        stamps.append(1e-9 * stamp_ns)
+        rows.append(cv2.cvtColor(cv2.resize(bgr, _GRID, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY).ravel())
+    if len(stamps) < MIN_IMAGES:
+        raise CalibrationError(camera, f"has {len(stamps)} images; at least {MIN_IMAGES} are needed to find its time")
+    times, blocks = np.array(stamps), np.array(rows, dtype=np.float32)
+    levels = _level(blocks)
+    steps = np.diff(levels, prepend=levels[0])
+    usual = 1.4826 * float(np.median(np.abs(steps - np.median(steps))))
+    least = max(_NOISE * usual, _LEAST_LEVELS)
+    came = set(np.flatnonzero(steps > least).tolist())
+    first = sorted(k for k in came if k - 1 not in came)
+    if not first:
+        raise CalibrationError(camera, "no flash is seen in its images: none is brighter than the one before by more than usual")
+    return Flashes(camera, times[first], float(np.median(np.diff(times))), times, levels)
+
+
+def _level(blocks: np.ndarray) -> np.ndarray:
+    """How bright each image is: what most of it says, or the few blocks of a lamp that switches, whichever stands out more."""
+    whole = np.median(blocks, axis=1)
+    jumps = np.abs(np.diff(blocks, axis=0))
+    usual = np.median(jumps, axis=0) + 1.0
+    outstanding = np.sort(jumps, axis=0)[-4:].mean(axis=0) / usual
+    lamp = blocks[:, np.argsort(outstanding)[-3:]].mean(axis=1)
+
+    def contrast(values: np.ndarray) -> float:
+        steps = np.abs(np.diff(values))
+        return float(np.sort(steps)[-4:].mean() / (np.median(steps) + 1.0))
+
+    return whole if contrast(whole) >= 0.5 * contrast(lamp) else lamp
+
+
+def flash_lags(seen: Sequence[Flashes], max_offset_s: float) -> tuple[list[Pair], list[float]]:
+    """Lags of every pair of cameras.
+
+    Parameters
+    ----------
+    seen : one a camera.
+    max_offset_s : the largest lag that is searched.
+
+    Returns
+    -------
+    pairs : of those that have flashes in common.
+    runners_up : of each camera, how many flashes fit another lag, in shares of those that fit the best.
+    """
+    pairs, runners_up = [], [0.0] * len(seen)
+    for (i, a), (j, b) in itertools.combinations(enumerate(seen), 2):
+        found = _lag(a, b, max_offset_s)
+        if found is None:
+            continue
+        lag_s, sigma_s, share, runner_up = found
+        for k in (i, j):
+            runners_up[k] = max(runners_up[k], runner_up)
+        pairs.append(Pair(i, j, np.array([lag_s]), np.array([[max(sigma_s, 1e-5) ** 2]]), share))
+    return pairs, runners_up
+
+
+def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> tuple[float, float, float, float] | None:
+    """Lag of ``b`` behind ``a`` with its standard deviation, the share of the flashes that allow it, and the next best's."""
+    reach = 0.5 * (a.period_s + b.period_s)
+    differences = b.times_s[None, :] - a.times_s[:, None]
+    near = np.sort(differences[np.abs(differences) <= max_offset_s])
+    if not len(near):
+        return None
+    # Each pair of flashes allows an interval of lags: how many do at every place
+    step = 0.1 * reach
+    places = np.arange(near[0] - reach, near[-1] + reach + step, step)
+    counts = np.searchsorted(near, places + reach) - np.searchsorted(near, places - reach)
+    most, fewer = int(counts.max()), min(len(a.times_s), len(b.times_s))
+    if most < _LEAST_SHARE * fewer:
+        return None
+    rough = float(places[counts == most].mean())
+    lags = rough + np.linspace(-1.5 * reach, 1.5 * reach, _GRID_OF_LAGS)
+    lag_s, sigma_s = _posterior(differences, lags, a.period_s, b.period_s)
+    elsewhere = counts[np.abs(places - lag_s) > _NEAR_PERIODS * reach].max(initial=0)
+    return lag_s, sigma_s, min(most / fewer, 1.0), float(elsewhere / most)
+
+
+def _posterior(differences: np.ndarray, lags: np.ndarray, period_a: float, period_b: float) -> tuple[float, float]:
+    """Mean and standard deviation of the lag, of all ``lags`` as likely before.
+
+    A flash comes at any time within an image period of either camera, so that the difference of their stamps is off by the sum of
+    two uniform errors; or the other camera has missed it.
+    """
+    off = np.abs(differences[None] - lags[:, None, None])
+    density = np.clip(0.5 * (period_a + period_b) - off, 0.0, min(period_a, period_b)) / (period_a * period_b)
+    each = density.max(axis=2 if differences.shape[0] <= differences.shape[1] else 1)
+    log = np.log(each + _MISSED / max(period_a, period_b)).sum(axis=1)
+    weights = np.exp(log - log.max())
+    weights /= weights.sum()
+    mean = float(weights @ lags)
+    return mean, float(np.sqrt(weights @ (lags - mean) ** 2))
