@@ -131,6 +131,7 @@ def _facts_of(review: Review) -> list[tuple[str, str]]:
 def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Iterator[tuple[str, str, list[Block | None]]]:
     """(key, heading, blocks) in their order; what could not be measured is None."""
     yield "view", "The motion", [scene(reviews)]
+    yield "curves", "Curves", [curves(reviews)]
     yield "summary", "Summary", [summary.summary_table(reviews, targets), summary.parameter_table(reviews)]
     yield "losses", "Status and losses", [
         charts.status_strips(reviews), tables.loss_table(reviews), *_each(reviews, charts.limb_strips),
@@ -144,7 +145,6 @@ def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Itera
         *_each(reviews, tables.direction_table), *_each(reviews, tables.segment_table), *_each(reviews, tables.bone_table),
         *_each(reviews, charts.rigid_chart),
     ]  # fmt: skip
-    yield "curves", "Curves", [curves(reviews)]
     yield "fit", "Residuals and effort", [
         *charts.residual_charts(reviews), *charts.effort_charts(reviews), tables.timing_table(reviews),
     ]  # fmt: skip
