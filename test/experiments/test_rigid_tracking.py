@@ -17,6 +17,7 @@ from tracker_node.experiments.rigid_tracking import (
     table1,
     track,
 )
+from tracker_node.experiments.somersault.table1 import START_ERROR, start_errors
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State, from_variables
 from tracker_node.report.page import text_table
@@ -125,3 +126,20 @@ def test_table_stands_beside_the_paper():
     assert rows[2][0] == "A-P" and rows[6][3] == "0.6 / 0.3 deg"
     lines = text_table(rows).splitlines()
     assert len(lines) == 7 and len({len(line) for line in lines}) == 1  # columns end below each other
+
+
+def test_several_starts_have_their_median_and_their_range():
+    each = np.stack([np.full((4, 6), value) for value in (3.0, -1.0, 7.0)])
+    metrics = error_metrics("a", each)
+    assert metrics["a.vertical_rms_mm"] == 3.0 and metrics["a.twist_max_deg"] == 3.0
+    assert (metrics["a.vertical_rms_low_mm"], metrics["a.vertical_rms_high_mm"]) == (1.0, 7.0)
+    assert "a.vertical_rms_low_mm" not in error_metrics("a", each[0])
+    assert error_metrics("a", each[:1]) == error_metrics("a", each[0])
+    rows = table1({"ours": each}, np.ones(6))
+    assert rows[1][-1] == "3.00 / 3.00 mm (1.00 to 7.00)"
+
+
+def test_starts_differ_in_their_signs_alone():
+    starts = start_errors(10)
+    assert starts[0] == pytest.approx(START_ERROR) and np.abs(starts) == pytest.approx(np.tile(np.abs(START_ERROR), (10, 1)))
+    assert len({tuple(row) for row in starts.tolist()}) == 10 and np.array_equal(starts[:3], start_errors(3))

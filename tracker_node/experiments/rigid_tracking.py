@@ -146,17 +146,28 @@ def error_metrics(prefix: str, errors: np.ndarray) -> dict[str, float]:
     Parameters
     ----------
     prefix : of their names.
-    errors : (n, 6) in the order of `VARIABLES`, mm and degrees.
+    errors : (n, 6) in the order of `VARIABLES`, mm and degrees; or (n_starts, n, 6), of several starts.
 
     Returns
     -------
-    ``<prefix>.<variable>_rms_<unit>`` and ``_max_<unit>`` -> value.
+    ``<prefix>.<variable>_rms_<unit>`` and ``_max_<unit>`` -> value, the median of several starts; of these also the lowest and
+    the highest, ``_rms_low_<unit>`` and ``_rms_high_<unit>``.
     """
     metrics = {}
-    for name, unit, column in zip(VARIABLES, UNITS, errors.T, strict=True):
-        metrics[f"{prefix}.{name}_rms_{unit}"] = float(np.sqrt(np.mean(column**2)))
-        metrics[f"{prefix}.{name}_max_{unit}"] = float(np.abs(column).max())
+    rms, most = _by_start(errors)
+    for i, (name, unit) in enumerate(zip(VARIABLES, UNITS, strict=True)):
+        metrics[f"{prefix}.{name}_rms_{unit}"] = float(np.median(rms[:, i]))
+        metrics[f"{prefix}.{name}_max_{unit}"] = float(np.median(most[:, i]))
+        if len(rms) > 1:
+            metrics[f"{prefix}.{name}_rms_low_{unit}"] = float(rms[:, i].min())
+            metrics[f"{prefix}.{name}_rms_high_{unit}"] = float(rms[:, i].max())
     return metrics
+
+
+def _by_start(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Root mean squares and maxima (n_starts, 6)."""
+    each = errors.reshape(-1, *errors.shape[-2:])
+    return np.sqrt(np.mean(each**2, axis=1)), np.abs(each).max(axis=1)
 
 
 def table1(columns: Mapping[str, np.ndarray], motion: np.ndarray) -> list[list[str]]:
@@ -164,7 +175,8 @@ def table1(columns: Mapping[str, np.ndarray], motion: np.ndarray) -> list[list[s
 
     Parameters
     ----------
-    columns : title -> errors (n, 6), mm and degrees; each becomes "maximum / rms".
+    columns : title -> errors as of `error_metrics`; each becomes "maximum / rms", medians of several starts, with the range of
+        the rms over these.
     motion : (6,) ranges of motion, mm and degrees.
 
     Returns
@@ -176,7 +188,10 @@ def table1(columns: Mapping[str, np.ndarray], motion: np.ndarray) -> list[list[s
         cells = [_of(motion[i], unit, 0), _of(PAPER_RANGE[i], unit, 0), f"{PAPER_MAX[i]:.1f} / {PAPER_RMS[i]:.1f} {unit}"]
         digits = 2 if unit == "mm" else 3
         for errors in columns.values():
-            cells.append(f"{np.abs(errors[:, i]).max():.{digits}f} / {_of(np.sqrt(np.mean(errors[:, i] ** 2)), unit, digits)}")
+            rms, most = _by_start(errors)
+            cell = f"{np.median(most[:, i]):.{digits}f} / {_of(np.median(rms[:, i]), unit, digits)}"
+            spread = f" ({rms[:, i].min():.{digits}f} to {rms[:, i].max():.{digits}f})"
+            cells.append(cell + spread if len(rms) > 1 else cell)
         rows.append([LABELS[name], *cells])
     return rows
 

@@ -5,13 +5,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.optimize import dual_annealing
 
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.points import dlt
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError
-from tracker_node.geometry import so3
+from tracker_node.geometry import se3, so3
 
 POINTS = np.random.default_rng(5).uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0], size=(20, 3))
 SKEWED = np.array([[900.0, 4.0, 331.0], [0.0, 870.0, 225.0], [0.0, 0.0, 1.0]])
@@ -84,6 +85,24 @@ def test_constraints_hold_and_fewer_parameters_fit_less_closely(constraint):
     if constraint == "centered":
         assert (K[0, 2], K[1, 2]) == (319.5, 239.5)
     assert found.rms_px >= dlt.calibrate("left", POINTS, pixels, (640, 480)).rms_px - 1e-9
+
+
+def test_the_seven_parameters_are_those_that_annealing_finds():
+    """The paper finds the camera of seven parameters from that of eleven by simulated annealing: of all near it the best one."""
+    _, pixels = noisy(SQUARE)
+    found = dlt.calibrate("left", POINTS, pixels, (640, 480), "centered")
+    of_eleven = dlt.calibrate("left", POINTS, pixels, (640, 480)).camera
+
+    def cost(x: np.ndarray) -> float:
+        f = of_eleven.model.K[0, 0] * (1.0 + x[0])
+        lens = CameraModel(640, 480, np.array([[f, 0.0, 319.5], [0.0, f, 239.5], [0.0, 0.0, 1.0]]))
+        seen, _ = Camera("left", lens, of_eleven.T_world_cam @ se3.exp(x[1:])).project(POINTS)
+        return float(((seen - pixels) ** 2).sum())
+
+    bounds = [(-0.2, 0.2), *[(-0.3, 0.3)] * 3, *[(-0.1, 0.1)] * 3]
+    annealed = dual_annealing(cost, bounds, seed=1, maxiter=60)
+    own = float((found.residuals_px**2).sum())
+    assert own <= annealed.fun * (1.0 + 1e-9) and annealed.fun == pytest.approx(own, rel=1e-3)
 
 
 def test_true_constraints_make_the_camera_better():

@@ -51,7 +51,7 @@ class Method:
 
 
 BEST = Method("", "alignment")
-AS_PUBLISHED = Method("stepping_dlt_without_time.", "stepping, DLT cameras, times unknown", "dlt", "ignored", "stepping")
+AS_PUBLISHED = Method("published.", "stepping, DLT of seven parameters, times unknown", "dlt_centered", "ignored", "stepping")
 METHODS = (
     BEST,
     Method("without_time.", "alignment, camera times unknown", times="ignored"),
@@ -67,6 +67,7 @@ METHODS = (
     Method("stepping.", "stepping", fit="stepping"),
     Method("stepping_without_time.", "stepping, camera times unknown", times="ignored", fit="stepping"),
     Method("stepping_dlt.", "stepping, DLT cameras", "dlt", fit="stepping"),
+    Method("stepping_dlt_without_time.", "stepping, DLT cameras, times unknown", "dlt", "ignored", "stepping"),
     AS_PUBLISHED,
 )
 
