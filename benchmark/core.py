@@ -5,14 +5,17 @@ Six cameras of 640x480 watch the 40-degree-of-freedom human of 18 parts move in 
 full images; ``roi_set_ms``: only in the region around the predicted body, which is how the tracker works. Correspondence lines
 (``modalities: [region]``) read nothing but the pixels along them, so that both are the same run. The chamfer evidence
 (plate, shadows and colors, edges, distances) is given exactly five iterations with 25 samples a line, lines their scales as
-configured. ``latency_ms``: until the state is there, from which is learned after that. On two threads and on one; milliseconds
-stand beside their multiple of one fixed reference kernel.
+configured. ``latency_ms``: until the state is there, from which is learned after that. On two threads, on one and on four;
+``speedup_2t``: one over two; ``loaded_2t``: the same while other programs take every processor. Milliseconds stand beside their
+multiple of one fixed reference kernel.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
+import os
+import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -39,6 +42,7 @@ from benchmark.contour._runs import add_common_arguments, configured, print_circ
 
 ITERATIONS, SAMPLES, N_IMAGES = 5, 25, 30  # the quick cones of contour_accuracy.py
 WARM_UP = 5
+THREADS = {2: "", 1: "_one_thread", 4: "_four_threads"}
 WHOLE_PX = 1000  # around the body: more than an image is large
 
 
@@ -49,12 +53,13 @@ def main(arguments: list[str] | None = None) -> int:
     rounds = 1 if args.quick else 5
     figures: dict[str, float | int] = {}
     reference = reference_ms()
-    for threads in (2, 1):
-        suffix = "" if threads == 2 else "_one_thread"
+    for threads, suffix in THREADS.items():
         region = configuration(threads, args.changes)
         roi = measure(folder, region, rounds)
         whole = roi if "chamfer" not in region.modalities else measure(folder, full_images(region), rounds)
         figures |= timing_figures("", suffix, *whole, reference) | timing_figures("roi_", suffix, *roi, reference)
+    figures["core.speedup_2t"] = figures["core.set_ms_p50_one_thread"] / figures["core.set_ms_p50"]
+    figures["core.loaded_2t"] = loaded_speedup(folder, args.changes, rounds)
     samples = region.chamfer.samples_per_line if "chamfer" in region.modalities else region.region.samples_per_line
     figures |= {"core.cameras": 6, "core.dof": 40, "core.samples_per_line": samples, "core.reference_ms": reference}
     figures["core.regions_only"] = int("chamfer" not in region.modalities)
@@ -62,6 +67,21 @@ def main(arguments: list[str] | None = None) -> int:
     print_circumstances()
     report_metrics(figures, args.json)
     return 0
+
+
+def loaded_speedup(folder: Path, changes: list[str], rounds: int) -> float:
+    """How much sooner two threads are done than one where a busy program stands on every processor; less than one: later."""
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
+    try:
+        times = {n: [] for n in (1, 2)}
+        for _ in range(2):  # in turn, since the machine's other load changes
+            for threads, found in times.items():
+                found.append(measure(folder, configuration(threads, changes), rounds)[0][:, 0])
+        return float(np.median(np.concatenate(times[1])) / np.median(np.concatenate(times[2])))
+    finally:
+        for program in busy:
+            program.kill()
+            program.wait()
 
 
 def timing_figures(

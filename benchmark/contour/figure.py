@@ -96,6 +96,10 @@ def sequence_figures(clip: Clip, name: str, changes: list[str], n_images: int | 
     prefix = name if name == "figure" else f"figure_{name}"
     figures = accuracy_figures(judged(clip, run, prefix)) | time_figures(run, config, prefix)
     if name == "figure":
+        if config.threads == 2:
+            alone = track(clip, replace(config, threads=1), clip.sets(stride, limit))
+            one = time_figures(alone, config, prefix)[f"{prefix}.set_ms_p50"]
+            figures[f"{prefix}.speedup_2t"] = one / figures[f"{prefix}.set_ms_p50"]
         moved_m, turned = speeds(clip.model, true_states(clip))
         figures |= {f"{prefix}.motion_mm_per_image": 1e3 * moved_m, f"{prefix}.motion_deg_per_image": float(np.degrees(turned))}
     return figures

@@ -23,3 +23,14 @@ def test_no_trial_is_lost_with_a_worker_and_states_are_the_same(tmp_path):
 def test_a_scheduler_without_workers_says_how_to_start_some(trials_file, tmp_path):
     with benchmark.dask_cluster(tmp_path, 0) as (address, _), pytest.raises(TrackerError, match="dask worker"):
         run_batch(load_trials(trials_file), BatchOptions(scheduler=address))
+
+
+@pytest.mark.long
+def test_ctrl_c_takes_the_work_back(trials_file, tmp_path):
+    def interrupt(now):
+        raise KeyboardInterrupt
+
+    with benchmark.dask_cluster(tmp_path, 1) as (address, _):
+        with pytest.raises(KeyboardInterrupt):
+            run_batch(load_trials(trials_file), BatchOptions(scheduler=address), progress=interrupt)
+        assert len(run_batch(load_trials(trials_file), BatchOptions(scheduler=address))) == 3

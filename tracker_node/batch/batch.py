@@ -143,7 +143,7 @@ def run_batch(
                 try:
                     _share_out(jobs, executor, at_once, dies, len(trials.trials), outcomes, settled, progress)
                 except BaseException:
-                    executor.shutdown(wait=False, cancel_futures=True)
+                    executor.shutdown(wait=False)  # of both kinds, with what waits
                     raise
         _write_summary(trials, outcomes)
         shutil.rmtree(trials.output / DRAFTS, ignore_errors=True)

@@ -27,7 +27,7 @@ from ..evaluation.review import Review
 from ..evaluation.run_review import RunFiles, review_run
 from ..evaluation.truth.states import unwrapped
 from ..loaders.json_values import finite, read_json
-from ..loaders.recording_yaml import FILES, MOST_LAG_IMAGES, RecordingFile
+from ..loaders.recording_yaml import FILES, RecordingFile
 from ..loaders.whole_file import write_whole
 from ..model.configuration import N_ROOT_DOF, variable_names
 from ..runs.images import first_image_of
@@ -226,7 +226,7 @@ def _reviewed(job: Job, draft: Path, summary: Mapping[str, Any]) -> Review:
     first = first_image_of(summary)
     if entry is None:
         return review_run(RunFiles(str(draft), pictures=0, options=EvaluationOptions(job.name)), _nothing)
-    lag = None if entry.lag == "auto" else float(np.clip(float(entry.lag), -MOST_LAG_IMAGES, MOST_LAG_IMAGES))
+    lag = None if entry.lag == "auto" else float(entry.lag)
     options = EvaluationOptions(job.name, lag, entry.align, entry.image_sets if asked.end is None else 0)
     masks = load_reference_masks(entry.masks) if entry.masks else {}
     found = review_run(

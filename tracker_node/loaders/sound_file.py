@@ -44,7 +44,7 @@ def read_sound(path: str | Path, seconds: float = 60.0) -> SoundTrack:
     """
     av = extra_module("av", "sound")
     if not Path(path).is_file():
-        raise FileFormatError(path, "(file)", "a video or a sound file", "no such file")
+        raise FileFormatError(path, "(file)", "a video or a sound file", "a folder" if Path(path).is_dir() else "no such file")
     try:
         with av.open(str(path)) as container:
             if not container.streams.audio:
