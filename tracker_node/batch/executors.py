@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ from typing import Any
 from ..errors import TrackerError, extra_module
 
 CONNECT_S = 10.0
+_AGAIN_S = 0.5
 
 
 class WorkerDied(TrackerError):
@@ -128,6 +130,20 @@ def serve(handle: int) -> None:
         connection.send(answer)
 
 
+def _client(address: str) -> Any:
+    distributed = extra_module("distributed", "cluster")
+    for tries_left in (2, 1, 0):
+        try:
+            return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+        except AssertionError:  # its own: a scheduler that still clears up after another client may greet with two messages
+            if not tries_left:
+                raise
+            time.sleep(_AGAIN_S)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise TrackerError(f"no Dask scheduler answers at {address}: {error}") from None
+    raise AssertionError
+
+
 @contextmanager
 def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:
     """The workers of a Dask scheduler; a trial whose worker is lost is given to another one.
@@ -145,12 +161,7 @@ def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:
     TrackerError : no scheduler answers, or it has no workers.
     MissingExtraError : Dask is not installed.
     """
-    distributed = extra_module("distributed", "cluster")
-    try:
-        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise TrackerError(f"no Dask scheduler answers at {address}: {error}") from None
-    with client:
+    with _client(address) as client:
         threads = sum(worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values())
         if not threads:
             raise TrackerError(f"the Dask scheduler at {address} has no workers; start some: dask worker {address} --nthreads 1")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from ..camera.rig import CameraRig
 from ..model.articulated import ArticulatedModel
+from ..model.configuration import N_ROOT, variable_names
 from ..runs.data import RunData
 from ..tracking.estimate import Status
 from . import pose_metrics
@@ -16,10 +18,11 @@ from .consistency import NeesSeries, landmark_nees, state_nees
 from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, evaluate, expected_sets
 from .masks.silhouettes import Picture
 from .metrics import Spread, intervals, reacquisition_times, spread_of, times_with_gaps
+from .motion.gait import Gait, find_gait
 from .state_errors import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
 from .truth.association import image_period_ns
 from .truth.files import Truth
-from .truth.states import TrueStates, common_bones
+from .truth.states import TrueStates, common_bones, unwrapped
 
 STAGES = ("observe", "optimize", "total")
 PERCENTILES = (50, 95, 99)
@@ -84,6 +87,26 @@ class Review:
         judged |= ~self.run.has_state  # without a state it is lost, whatever the truth
         return times, (sets < 0) | self.joints.lost[sets], (sets < 0) | judged[sets]
 
+    @cached_property
+    def landmarks_m(self) -> np.ndarray:
+        """(n, m, 3) the model's landmarks in the world; not-a-number without a state."""
+        points = np.full((len(self.run), len(self.model.landmark_names), 3), np.nan)
+        for i in np.flatnonzero(self.run.has_state):
+            points[i] = self.run.configuration(self.model, int(i)).landmarks_world
+        return points
+
+    @cached_property
+    def gait(self) -> Gait | None:
+        """Strides, where somebody walks; sets that are lost are left out."""
+        if len(self.run) < 2:
+            return None
+        points = np.where(self.said_lost[:, None, None], np.nan, self.landmarks_m)
+        times, points = self.over_time(points)
+        _, values = self.over_time(np.degrees(unwrapped(self.run.values)))
+        angles = dict(zip(variable_names(self.model)[N_ROOT:], values[:, N_ROOT:].T, strict=True))
+        landmarks = dict(zip(self.model.landmark_names, np.swapaxes(points, 0, 1), strict=True))
+        return find_gait(times, landmarks, angles, 1.0 / self.period_s)
+
     @property
     def said_lost(self) -> np.ndarray:
         """(n,) what the tracker says."""
@@ -105,6 +128,7 @@ class Review:
             metrics = {"image_sets": self.image_sets, **_own(self.run)}
         for part in (self._joint_metrics, self._loss_metrics, self._state_metrics, self._nees_metrics, self._own_metrics):
             metrics |= part()
+        metrics |= {} if self.gait is None else self.gait.metrics()
         landmarks = {key: metrics.pop(key) for key in list(metrics) if key.startswith("landmark_mm.")}
         return {f"{self.name}.{key}": value for key, value in {**metrics, **landmarks}.items()}
 

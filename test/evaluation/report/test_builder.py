@@ -15,6 +15,8 @@ from helpers.bodies.stick_person import Motion, motion, write_run, write_state_b
 from helpers.studio.browser import browser_tab
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.masks.silhouettes import Picture
+from tracker_node.evaluation.motion.gait import N_PARTS, Gait, Strides
+from tracker_node.evaluation.report import charts, tables
 from tracker_node.evaluation.report.builder import ReportOptions, _facts, contact_sheets, write_report
 from tracker_node.evaluation.report.summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
@@ -339,3 +341,25 @@ PICTURE = """(() => {
   }
   return { colors: [...counts.values()].filter(n => n > 200).length, pixels: sum };
 })()"""  # how many colors cover more than 200 pixels, and a number that changes with the picture
+
+
+def test_who_walks_gets_strides_and_who_does_not_gets_none(tmp_path):
+    found = reviewed(tmp_path)
+    assert found.gait is None and tables.gait_table(found) is None and charts.gait_charts(found) == []
+    start = np.array([0.0, 1.0, 2.1])
+    angles = {"knee_flexion": np.linspace(0.0, 60.0, N_PARTS) + np.arange(3.0)[:, None]}
+    foot = Strides(start, start + 0.6, start + 1.0, np.full(3, 1.4), np.array([0.5, np.nan, 0.6]), angles)
+    other = replace(foot, lengths_m=np.full(3, 1.0))
+    walking = replace(found)
+    walking.__dict__["gait"] = Gait({"left": foot, "right": other}, 1.25)
+    rows = {row[0]: row[1:] for row in tables.gait_table(walking).rows}
+    assert [cell.value for cell in rows["Stride length"][:5]] == pytest.approx([1.4, 0.0, 1.0, 0.0, 1.4])
+    assert rows["Step time"][0].value == pytest.approx(0.55) and rows["Stance"][2].value == pytest.approx(60.0)
+    (chart,) = charts.gait_charts(walking)
+    assert [line.label for line in chart.lines[:3]] == ["left", "left + SD", "left - SD"] and len(chart.lines) == 6
+    assert chart.lines[1].y - chart.lines[0].y == pytest.approx(np.ones(N_PARTS))
+    metrics = walking.metrics()
+    assert metrics["walk.cadence_per_min"] == pytest.approx(60.0 / 0.55) and metrics["walk.strides_right"] == 3
+    write_report(tmp_path / "report", [walking], ReportOptions(pdf=False))
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "Whole ones: 3 of the left foot and 3 of the right foot" in page and "Stride length left" in page

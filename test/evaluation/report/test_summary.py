@@ -144,5 +144,5 @@ def test_joints_are_compared_where_two_runs_have_them(tmp_path):
 def test_metrics_have_keys_and_titles_for_people(metric):
     assert re.fullmatch(r"[a-z][a-z0-9_]*\*?", metric.key)
     assert metric.title[0].isupper() or metric.title[0] in "…5"
-    assert metric.unit in ("", "mm", "s", "°", "images", "px", "gray levels", "ms")
+    assert metric.unit in ("", "mm", "m", "s", "°", "%", "images", "px", "gray levels", "ms", "m/s", "steps/min")
     assert metric.better == (HIGHER if "fraction" in metric.meaning or metric.key == "iou_*" else min(metric.better, 0))

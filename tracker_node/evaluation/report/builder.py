@@ -132,6 +132,7 @@ def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Itera
     """(key, heading, blocks) in their order; what could not be measured is None."""
     yield "view", "The motion", [scene(reviews)]
     yield "curves", "Curves", [curves(reviews)]
+    yield "gait", "Walking", [*_each(reviews, tables.gait_table), *_titled(reviews, [charts.gait_charts(r) for r in reviews])]
     yield "summary", "Summary", [summary.summary_table(reviews, targets), summary.parameter_table(reviews)]
     yield "losses", "Status and losses", [
         charts.status_strips(reviews), tables.loss_table(reviews), *_each(reviews, charts.limb_strips),
@@ -236,10 +237,7 @@ def _dof_curves(review: Review, color: str) -> Iterator[Curve]:
 
 
 def _landmark_curves(review: Review, color: str) -> Iterator[Curve]:
-    names = review.model.landmark_names
-    points = np.full((len(review.run), len(names), 3), np.nan)
-    for i in np.flatnonzero(review.run.has_state):
-        points[i] = review.run.configuration(review.model, int(i)).landmarks_world
+    names, points = review.model.landmark_names, review.landmarks_m
     e = review.joints
     for m, name in enumerate(names):
         panels = []

@@ -12,6 +12,7 @@ from ...report.document import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, Bars, Cha
 from ...tracking.estimate import LimbStatus, Status
 from .. import pose_metrics
 from ..metrics import LOST_JOINT_M
+from ..motion.gait import N_PARTS, SIDES
 from ..review import Review
 
 STATUS_COLORS = {status: STATES[status.name.lower()] for status in Status}
@@ -250,3 +251,26 @@ def rigid_chart(review: Review) -> Chart | None:
 
 def _line(i: int, review: Review, values: np.ndarray, reviews: Sequence[Review]) -> Line:
     return Line(review.name, *review.over_time(values), CYCLE[i % len(CYCLE)] if len(reviews) > 1 else BLUE, 1.4)
+
+
+_LEG_ANGLES = ("hip_flexion", "knee_flexion", "ankle_dorsiflexion", "hip_abduction")
+
+
+def gait_charts(review: Review) -> list[Chart]:
+    """Angles of the legs over the stride, means of both sides with one standard deviation; none where nobody walks."""
+    gait, found = review.gait, []
+    if gait is None:
+        return []
+    part = np.linspace(0.0, 100.0, N_PARTS)
+    for name in _LEG_ANGLES:
+        lines = []
+        for side, color in zip(SIDES, (BLUE, ORANGE), strict=True):
+            curves = gait.strides[side].angles.get(name)
+            if curves is not None:
+                mean, sd = curves.mean(axis=0), curves.std(axis=0, ddof=1)
+                lines.append(Line(side, part, mean, color, 2.0))
+                lines += [Line(f"{side} {sign} SD", part, mean + k * sd, color, 0.8, True) for sign, k in (("+", 1), ("-", -1))]
+        if lines:
+            title = name.replace("_", " ").capitalize()
+            found.append(Chart(f"gait_{name}_{review.name}", title, "", "part of the stride [%]", "degrees", lines, y_min=None))
+    return found

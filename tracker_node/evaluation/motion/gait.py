@@ -1,0 +1,171 @@
+"""Strides of somebody who walks or runs: when the feet touch the floor and leave it, and joint angles over the stride.
+
+A foot touches the floor where its heel is farthest before the pelvis, and leaves it where its toes are farthest behind (Zeni,
+Richards & Higginson, "Two simple methods for determining gait events during treadmill and overground walking using kinematic
+data", Gait & Posture 27 (2008) 710-714). Before and behind are by the hips, so that it does not matter where one walks to, or
+whether the floor moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from .kinematics import SHORTEST, lowpass
+
+SIDES = ("left", "right")
+N_PARTS = 101  # of a stride, 0 to 100 %
+CUTOFF_HZ, _HEADING_HZ = 6.0, 0.5
+_SWING_M = 0.2  # a foot goes at least so far to and fro beside the pelvis
+_STRIDE_S = (0.5, 2.5)
+_FEWEST_STRIDES = 2  # of each foot, of fewer nobody is said to walk
+_POINTS = {"heel": ("heel", "ankle"), "toe": ("big_toe", "ankle")}  # the first that there is
+
+
+@dataclass(frozen=True, eq=False)
+class Strides:
+    """Of one foot, n strides: from touching the floor to touching it again.
+
+    Attributes
+    ----------
+    starts_s, offs_s, ends_s : (n,) when it touches the floor, leaves it, and touches it again.
+    lengths_m : (n,) way of the heel over ground; not-a-number where the floor is not seen to be passed.
+    steps_s : (n,) from the other foot's touching the floor to this one's, at the end; not-a-number where that is not known.
+    angles : name without the side -> (n, `N_PARTS`) in degrees.
+    """
+
+    starts_s: np.ndarray
+    offs_s: np.ndarray
+    ends_s: np.ndarray
+    lengths_m: np.ndarray
+    steps_s: np.ndarray
+    angles: Mapping[str, np.ndarray]
+
+    @property
+    def times_s(self) -> np.ndarray:
+        """(n,) how long they take."""
+        return self.ends_s - self.starts_s
+
+    @property
+    def stance(self) -> np.ndarray:
+        """(n,) parts of the strides in which the foot is on the floor."""
+        return (self.offs_s - self.starts_s) / self.times_s
+
+
+@dataclass(frozen=True, eq=False)
+class Gait:
+    """Strides of both feet, and how fast the body goes over ground, meters a second."""
+
+    strides: Mapping[str, Strides]
+    speed_m_s: float
+
+    def metrics(self) -> dict[str, float | int]:
+        """Means by key."""
+        both = np.concatenate([foot.steps_s for foot in self.strides.values()])
+        found: dict[str, float | int] = {"cadence_per_min": 60.0 / float(np.nanmean(both)), "walking_speed_m_s": self.speed_m_s}
+        for side, foot in self.strides.items():
+            found[f"strides_{side}"] = len(foot.starts_s)
+            found[f"stride_time_s_{side}"] = float(foot.times_s.mean())
+            found[f"stride_length_m_{side}"] = float(foot.lengths_m.mean())
+            found[f"stance_percent_{side}"] = 100.0 * float(foot.stance.mean())
+            found[f"step_time_s_{side}"] = float(np.nanmean(foot.steps_s))
+        return found
+
+
+def find_gait(
+    times_s: np.ndarray, points: Mapping[str, np.ndarray], angles_deg: Mapping[str, np.ndarray], rate_hz: float
+) -> Gait | None:
+    """Strides in a motion.
+
+    Parameters
+    ----------
+    times_s : (n,) at a constant rate; gaps are not-a-number in ``points``.
+    points : landmark -> (n, 3) meters, z up; of the hips, and of heels and big toes, or ankles in their place.
+    angles_deg : degree of freedom -> (n,); those whose names begin with a side are cut into strides.
+    rate_hz : of the times.
+
+    Returns
+    -------
+    None where nobody walks, or landmarks are missing.
+    """
+    named = {(side, end): _first_of(points, side, names) for side in SIDES for end, names in _POINTS.items()}
+    if "" in named.values() or not {"left_hip", "right_hip"} <= points.keys() or len(times_s) < SHORTEST:
+        return None
+    feet = {place: points[name] for place, name in named.items()}
+    hips = points["left_hip"], points["right_hip"]
+    middle = 0.5 * (hips[0] + hips[1])
+    valid = np.isfinite(np.concatenate([middle, *feet.values()], axis=1)).all(axis=1)
+    across = _smooth((hips[0] - hips[1])[:, :2], valid, rate_hz, _HEADING_HZ)
+    ahead = np.column_stack([across[:, 1], -across[:, 0]]) / np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
+    events = {}
+    for side in SIDES:
+        before = {end: np.sum((feet[side, end] - middle)[:, :2] * ahead, axis=1)[:, None] for end in _POINTS}
+        heel, toe = (_smooth(before[end], valid, rate_hz, CUTOFF_HZ)[:, 0] for end in _POINTS)
+        events[side] = _peaks(times_s, heel, valid, rate_hz), _peaks(times_s, -toe, valid, rate_hz)
+    strides = {}
+    for side, other in zip(SIDES, SIDES[::-1], strict=True):
+        found = _strides(times_s, valid, *events[side], events[other][0], feet[side, "heel"], _own(angles_deg, side))
+        if len(found.starts_s) < _FEWEST_STRIDES:
+            return None
+        strides[side] = found
+    return Gait(strides, _speed(times_s, middle, strides))
+
+
+def _first_of(points: Mapping[str, np.ndarray], side: str, names: tuple[str, ...]) -> str:
+    """The landmark of a side that there is; empty where there is none of them."""
+    return next((f"{side}_{name}" for name in names if f"{side}_{name}" in points), "")
+
+
+def _own(angles_deg: Mapping[str, np.ndarray], side: str) -> dict[str, np.ndarray]:
+    return {name.removeprefix(f"{side}_"): values for name, values in angles_deg.items() if name.startswith(f"{side}_")}
+
+
+def _smooth(values: np.ndarray, valid: np.ndarray, rate_hz: float, cutoff_hz: float) -> np.ndarray:
+    """(n, k) without what is faster; zeros where nothing is known."""
+    cutoffs = np.full(values.shape[1], min(cutoff_hz, 0.4 * rate_hz))
+    return lowpass(np.where(valid[:, None], values, 0.0), valid, rate_hz, cutoffs)[0]
+
+
+def _peaks(times_s: np.ndarray, values: np.ndarray, valid: np.ndarray, rate_hz: float) -> np.ndarray:
+    """Times of the highest places of a swing, between the samples."""
+    peaks, _ = find_peaks(values, prominence=_SWING_M, distance=max(round(0.5 * _STRIDE_S[0] * rate_hz), 1))
+    peaks = peaks[(peaks > 0) & (peaks < len(values) - 1)]
+    peaks = peaks[valid[peaks - 1] & valid[peaks] & valid[peaks + 1]]
+    before, here, after = values[peaks - 1], values[peaks], values[peaks + 1]
+    bend = before - 2.0 * here + after
+    part = np.where(np.abs(bend) > 1e-12, 0.5 * (before - after) / np.where(bend == 0.0, 1.0, bend), 0.0)
+    return times_s[peaks] + np.clip(part, -0.5, 0.5) / rate_hz
+
+
+def _strides(
+    times_s: np.ndarray, valid: np.ndarray, strikes_s: np.ndarray, offs_s: np.ndarray, others_s: np.ndarray, heel: np.ndarray,
+    angles_deg: Mapping[str, np.ndarray],
+) -> Strides:  # fmt: skip
+    """Between strikes that follow each other with one off between them, nothing of which is missing."""
+    kept, steps = [], []
+    for start, end in pairwise(strikes_s):
+        off = offs_s[(offs_s > start) & (offs_s < end)]
+        inside = (times_s >= start) & (times_s <= end)
+        if _STRIDE_S[0] <= end - start <= _STRIDE_S[1] and len(off) == 1 and valid[inside].all():
+            kept.append((start, off[0], end))
+            other = others_s[(others_s > start) & (others_s < end)]
+            steps.append(end - other[-1] if len(other) else np.nan)
+    starts, offs, ends = np.array(kept).reshape(-1, 3).T
+    at = [np.column_stack([np.interp(t, times_s, heel[:, axis]) for axis in range(2)]) for t in (starts, ends)]
+    parts = starts[:, None] + (ends - starts)[:, None] * np.linspace(0.0, 1.0, N_PARTS)
+    angles = {name: np.interp(parts, times_s, values) for name, values in angles_deg.items()}
+    return Strides(starts, offs, ends, np.linalg.norm(at[1] - at[0], axis=1), np.array(steps), angles)
+
+
+def _speed(times_s: np.ndarray, middle: np.ndarray, strides: Mapping[str, Strides]) -> float:
+    """Of the pelvis over ground, mean over all strides."""
+    ways, times = [], []
+    for foot in strides.values():
+        ends = [np.column_stack([np.interp(t, times_s, middle[:, a]) for a in range(2)]) for t in (foot.starts_s, foot.ends_s)]
+        ways.append(np.linalg.norm(ends[1] - ends[0], axis=1).sum())
+        times.append(foot.times_s.sum())
+    return float(sum(ways) / sum(times))
