@@ -84,3 +84,4 @@ def test_who_stands_or_lacks_feet_does_not_walk():
     assert find_gait(times, still, angles, RATE_HZ) is None
     assert find_gait(times, {"left_hip": points["left_hip"]}, angles, RATE_HZ) is None
     assert find_gait(*walk(seconds=1.5), RATE_HZ) is None
+    assert find_gait(*walk(stance=(0.4, 0.4)), RATE_HZ) is None  # who swings the legs in the air

@@ -1,4 +1,4 @@
-"""Strides of somebody who walks or runs: when the feet touch the floor and leave it, and joint angles over the stride.
+"""Strides of somebody who walks: when the feet touch the floor and leave it, and joint angles over the stride.
 
 A foot touches the floor where its heel is farthest before the pelvis, and leaves it where its toes are farthest behind (Zeni,
 Richards & Higginson, "Two simple methods for determining gait events during treadmill and overground walking using kinematic
@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import find_peaks
-
-from .kinematics import SHORTEST, lowpass
 
 SIDES = ("left", "right")
 N_PARTS = 101  # of a stride, 0 to 100 %
-CUTOFF_HZ, _HEADING_HZ = 6.0, 0.5
-_SWING_M = 0.2  # a foot goes at least so far to and fro beside the pelvis
+_CUTOFF_HZ, _HEADING_HZ = 6.0, 0.5
+_SWING_M = 0.2  # a foot swings at least so far beside the pelvis
 _STRIDE_S = (0.5, 2.5)
+_STANCE = (0.45, 0.8)  # of a walk: who runs, or swings the legs in the air, has less
 _FEWEST_STRIDES = 2  # of each foot, of fewer nobody is said to walk
 _POINTS = {"heel": ("heel", "ankle"), "toe": ("big_toe", "ankle")}  # the first that there is
 
@@ -93,7 +91,7 @@ def find_gait(
     None where nobody walks, or landmarks are missing.
     """
     named = {(side, end): _first_of(points, side, names) for side in SIDES for end, names in _POINTS.items()}
-    if "" in named.values() or not {"left_hip", "right_hip"} <= points.keys() or len(times_s) < SHORTEST:
+    if "" in named.values() or not {"left_hip", "right_hip"} <= points.keys() or len(times_s) < 3:
         return None
     feet = {place: points[name] for place, name in named.items()}
     hips = points["left_hip"], points["right_hip"]
@@ -104,12 +102,12 @@ def find_gait(
     events = {}
     for side in SIDES:
         before = {end: np.sum((feet[side, end] - middle)[:, :2] * ahead, axis=1)[:, None] for end in _POINTS}
-        heel, toe = (_smooth(before[end], valid, rate_hz, CUTOFF_HZ)[:, 0] for end in _POINTS)
+        heel, toe = (_smooth(before[end], valid, rate_hz, _CUTOFF_HZ)[:, 0] for end in _POINTS)
         events[side] = _peaks(times_s, heel, valid, rate_hz), _peaks(times_s, -toe, valid, rate_hz)
     strides = {}
     for side, other in zip(SIDES, SIDES[::-1], strict=True):
         found = _strides(times_s, valid, *events[side], events[other][0], feet[side, "heel"], _own(angles_deg, side))
-        if len(found.starts_s) < _FEWEST_STRIDES:
+        if len(found.starts_s) < _FEWEST_STRIDES or not _STANCE[0] <= float(np.median(found.stance)) <= _STANCE[1]:
             return None
         strides[side] = found
     return Gait(strides, _speed(times_s, middle, strides))
@@ -125,20 +123,32 @@ def _own(angles_deg: Mapping[str, np.ndarray], side: str) -> dict[str, np.ndarra
 
 
 def _smooth(values: np.ndarray, valid: np.ndarray, rate_hz: float, cutoff_hz: float) -> np.ndarray:
-    """(n, k) without what is faster; zeros where nothing is known."""
-    cutoffs = np.full(values.shape[1], min(cutoff_hz, 0.4 * rate_hz))
-    return lowpass(np.where(valid[:, None], values, 0.0), valid, rate_hz, cutoffs)[0]
+    """(n, k) without what is faster, by a Gaussian that leaves half of the power at the cutoff, from what is known alone."""
+    sigma = np.sqrt(np.log(2.0)) / (2.0 * np.pi * cutoff_hz) * rate_hz
+    reach = min(int(np.ceil(4.0 * sigma)), (len(values) - 1) // 2)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    known = np.maximum(np.convolve(valid.astype(float), weights, "same"), 1e-12)
+    return np.column_stack([np.convolve(np.where(valid, column, 0.0), weights, "same") / known for column in values.T])
 
 
 def _peaks(times_s: np.ndarray, values: np.ndarray, valid: np.ndarray, rate_hz: float) -> np.ndarray:
-    """Times of the highest places of a swing, between the samples."""
-    peaks, _ = find_peaks(values, prominence=_SWING_M, distance=max(round(0.5 * _STRIDE_S[0] * rate_hz), 1))
-    peaks = peaks[(peaks > 0) & (peaks < len(values) - 1)]
-    peaks = peaks[valid[peaks - 1] & valid[peaks] & valid[peaks + 1]]
-    before, here, after = values[peaks - 1], values[peaks], values[peaks + 1]
+    """Times of the highest places of a swing, between the samples: between two of them it goes down by `_SWING_M` at least."""
+    peaks, high, low, rising = [], -1, 0, True
+    for i in np.flatnonzero(valid).tolist():
+        if rising and (high < 0 or values[i] > values[high]):
+            high = i
+        elif rising and values[i] < values[high] - _SWING_M:
+            peaks.append(high)
+            low, rising = i, False
+        elif not rising and values[i] < values[low]:
+            low = i
+        elif not rising and values[i] > values[low] + _SWING_M:
+            high, rising = i, True
+    at = np.array([k for k in peaks if 0 < k < len(values) - 1 and valid[k - 1 : k + 2].all()], dtype=int)
+    before, here, after = values[at - 1], values[at], values[at + 1]
     bend = before - 2.0 * here + after
     part = np.where(np.abs(bend) > 1e-12, 0.5 * (before - after) / np.where(bend == 0.0, 1.0, bend), 0.0)
-    return times_s[peaks] + np.clip(part, -0.5, 0.5) / rate_hz
+    return times_s[at] + np.clip(part, -0.5, 0.5) / rate_hz
 
 
 def _strides(
