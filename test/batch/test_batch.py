@@ -92,7 +92,8 @@ def test_a_trial_that_fails_stops_nothing(trials_file, tmp_path, capsys):
     known = {entry["name"]: entry["state"] for entry in json.loads((tmp_path / "out/batch.json").read_text())["trials"]}
     assert known["third"] == TRACKED and known["no_images"] == FAILED_STATE
     trials_file.write_text(text.replace("  no_images: {sources: 'no/{name}.mp4'}\n", "  no_images: {}\n"))
-    assert main(["batch", str(trials_file), "--only", "no_images", "--no-pdf", "--quiet"]) == 0
+    assert main(["batch", str(trials_file), "--only", "no_images", "--no-pdf", "--quiet"]) == 1  # for the others' sake
+    assert "4 of 6 trials tracked; failed: no_model, other_cameras" in capsys.readouterr().out
     assert not (tmp_path / "out/failed/no_images.txt").exists()
 
 
@@ -195,3 +196,32 @@ def test_ctrl_c_ends_it_and_the_next_call_goes_on(trials_file, tmp_path):
     assert 1 <= len(done) < 3
     run_batch(load_trials(trials_file), TWO)
     assert {name: stamp for name, stamp in written(tmp_path / "out").items() if name in done} == done
+
+
+def test_a_failure_of_before_goes_when_the_results_are_good(trials_file, tmp_path):
+    run_batch(load_trials(trials_file), TWO)
+    failed = tmp_path / "out/failed"
+    failed.mkdir()
+    (failed / "second.txt").write_text("the share was gone\n")
+    others = run_batch(load_trials(trials_file), BatchOptions(1, only=("first",)))
+    assert [(o.name, o.state) for o in others] == [("first", TRACKED), ("second", FAILED_STATE), ("third", TRACKED)]
+    assert others[1].reason == "the share was gone" and others[0].subject == "anna"
+    assert all(o.state == TRACKED for o in run_batch(load_trials(trials_file), TWO)) and not list(failed.iterdir())
+
+
+def test_results_that_were_to_be_replaced_come_back_after_a_crash(trials_file, tmp_path):
+    run_batch(load_trials(trials_file), BatchOptions(1, only=("first",)))
+    before = written(tmp_path / "out")
+    drafts = tmp_path / "out/.batch/drafts"
+    drafts.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "out/first").rename(drafts / "first.0123abcd.old")
+    run_batch(load_trials(trials_file), BatchOptions(1, only=("first",)))
+    assert written(tmp_path / "out") == before
+
+
+def test_the_place_that_it_is_called_from_is_no_matter(trials_file, tmp_path, monkeypatch):
+    run_batch(load_trials(trials_file), BatchOptions(1, only=("first",)))
+    before = written(tmp_path / "out")
+    monkeypatch.chdir(tmp_path / "out")
+    run_batch(load_trials("../trials.yaml", "."), BatchOptions(1, only=("first",)))
+    assert written(tmp_path / "out") == before

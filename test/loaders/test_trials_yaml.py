@@ -70,6 +70,8 @@ def test_a_trial_may_have_a_recording_of_its_own(write, tmp_path):
     ("before", "after", "field", "expected"),
     [
         ("{subject: anna}", "{subject: carl}", "trials.walk1.subject", "one of the subjects, anna, ben"),
+        ("{subject: anna}", "{subject: [anna]}", "trials.walk1.subject", "one of the subjects"),
+        ("{subject: anna}", "{subject: }", "trials.walk1.subject", "one of the subjects"),
         ("start: 2", "start: -2", "common.images.start", "a whole number, 0 or more"),
         ("shrink: 2", "shrink: 0", "subjects.ben.images.shrink", "a whole number, 1 or more"),
         ("images: {start: 5}", "imges: {start: 5}", "trials.walk2.imges", "'images', or another of"),

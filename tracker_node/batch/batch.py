@@ -30,6 +30,7 @@ from .work import (
     Outcome,
     check_ours,
     inputs_of,
+    put_back,
     read_outcome,
     run_trial,
 )
@@ -117,7 +118,7 @@ def run_batch(
         jobs: list[Job] = []
         for trial in trials.trials:
             if options.only and trial.name not in options.only:
-                found: Job | Outcome | None = read_outcome(trials.output / trial.name)
+                found: Job | Outcome | None = _left_from_before(trial, trials.output)
             else:
                 found = _job_or_outcome(trial, trials.output, token, options, tell)
             if isinstance(found, Job):
@@ -135,6 +136,8 @@ def run_batch(
         for outcome in list(outcomes.values()):
             if outcome.state == FAILED_STATE:
                 settled(outcome)
+            else:
+                _note_failure(trials.output, outcome)
         if jobs:
             with ExitStack() as stack:
                 executor, at_once, dies = _executor(options, len(jobs), stack)
@@ -152,12 +155,23 @@ def run_batch(
 
 def _prepared(output: Path) -> str:
     """The folder of the batch with what workers look for; returns its token."""
+    put_back(output)
     shutil.rmtree(output / OWN, ignore_errors=True)
     for name in (DRAFTS, PROGRESS):
-        (output / name).mkdir(parents=True)
+        (output / name).mkdir(parents=True, exist_ok=True)  # what a worker of before still writes may not go
     token = uuid.uuid4().hex
     write_whole(output / TOKEN, token + "\n")
     return token
+
+
+def _left_from_before(trial: Trial, output: Path) -> Outcome | None:
+    """What became of a trial in earlier calls; None of one that was never tracked."""
+    failure = output / FAILED / f"{trial.name}.txt"
+    if failure.is_file():
+        reason, _, details = failure.read_text(encoding="utf-8").partition("\n")
+        return Outcome(trial.name, trial.subject, FAILED_STATE, reason, details)
+    before = read_outcome(output / trial.name)
+    return None if before is None else replace(before, subject=trial.subject)
 
 
 def _job_or_outcome(trial: Trial, output: Path, token: str, options: BatchOptions, tell: Callable[[str], None]) -> Job | Outcome:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
+import re
 import shutil
 import socket
 import time
@@ -12,6 +12,7 @@ import traceback
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ TOKEN, PROGRESS, DRAFTS, FAILED = f"{OWN}/token", f"{OWN}/progress", f"{OWN}/dra
 TRACKED, FAILED_STATE = "tracked", "failed"
 _PROGRESS_S = 0.5
 _PICTURES = 4
+_OLD = ".old"
 
 
 @dataclass(frozen=True)
@@ -151,11 +153,12 @@ def inputs_of(file: RecordingFile, recording: Recording) -> str:
     -------
     SHA-256, hexadecimal.
     """
-    found = hashlib.sha256(file.model_dump_json().encode())
+    found = hashlib.sha256(file.model_dump_json(exclude={"output"}).encode())
     for name in FILES:
         if getattr(file, name):
             found.update(Path(getattr(file, name)).read_bytes())
-    large = [camera.source for camera in recording.rig if camera.source]
+    named = [(camera.source, camera.stamp_file, camera.background) for camera in recording.rig]
+    large = [str(name) for names in named for name in names if name]
     large += [name for name in (file.keypoints.files, file.keypoints.table, file.keypoints.weights) if name]
     large += [file.joint_states.file] if file.joint_states else []
     large += [] if file.evaluate is None else [*file.evaluate.truth, *([file.evaluate.masks] if file.evaluate.masks else [])]
@@ -166,7 +169,8 @@ def inputs_of(file: RecordingFile, recording: Recording) -> str:
 
 def _stamp_of(path: Path) -> str:
     """What changes when a file changes, or files are put into a folder or a pattern."""
-    files = [path] if path.is_file() else sorted(path.glob("*")) if path.is_dir() else sorted(path.parent.glob(path.name))
+    pattern = re.sub(r"%0?\d*d", "*", str(path))
+    files = [path] if path.is_file() else sorted(path.glob("*")) if path.is_dir() else sorted(map(Path, glob(pattern)))
     return " ".join(f"{status.st_size}:{status.st_mtime_ns}" for status in (file.stat() for file in files if file.is_file()))
 
 
@@ -257,14 +261,33 @@ def _put(draft: Path, place: Path, token: str) -> None:
     before = read_outcome(place)
     if before is not None and before.batch == token:
         return  # another worker, believed to be lost, has come to the end
-    if place.exists():
-        check_ours(place)
-        old = draft.with_name(f"{draft.name}.old")
-        place.rename(old)
+    old = draft.with_name(f"{draft.name}{_OLD}")
+    try:
+        if place.exists():
+            check_ours(place)
+            place.rename(old)
         draft.rename(place)
-        shutil.rmtree(old, ignore_errors=True)
-    else:
-        os.rename(draft, place)
+    except OSError:
+        after = read_outcome(place)
+        if after is not None and after.batch == token:
+            return  # it came to the end just now
+        if old.exists() and not place.exists():
+            old.rename(place)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def put_back(output: Path) -> None:
+    """Results that were to be replaced, and the process died before the new ones were there, come back.
+
+    Parameters
+    ----------
+    output : folder of a batch.
+    """
+    for old in (output / DRAFTS).glob(f"*{_OLD}"):
+        place = output / old.name.removesuffix(_OLD).rpartition(".")[0]
+        if not place.exists():
+            old.rename(place)
 
 
 def check_ours(place: Path) -> None:

@@ -35,7 +35,7 @@ Fields = Annotated[dict[str, Any], checked("a mapping", lambda value: isinstance
 Named = Annotated[
     dict[str, Any],
     checked(
-        "a mapping for each name; letters, digits, _ . + - in names, not 'failed'",
+        "a mapping for each name; letters, digits, _ . + - in names, in quotes where they are numbers, not 'failed'",
         _are_named,
         lambda value: {name: entry or {} for name, entry in value.items()},
     ),
@@ -94,16 +94,16 @@ def load_trials(path: str | Path, output: str | Path | None = None) -> Trials:
     ------
     FileFormatError : naming file and field.
     """
-    path = Path(path).absolute()
+    path = Path(os.path.abspath(path))
     file = validate(TrialsFile, read_mapping(path), path)
-    place = Path(os.path.normpath(path.parent / file.output)) if output is None else Path(output).absolute()
+    place = Path(os.path.normpath(path.parent / file.output)) if output is None else Path(os.path.abspath(output))
     return Trials(place, tuple(_trial(file, name, place, path) for name in file.trials))
 
 
 def _trial(file: TrialsFile, name: str, output: Path, path: Path) -> Trial:
     entry = dict(file.trials[name])
     subject = entry.pop("subject", "")
-    if subject and subject not in file.subjects:
+    if subject != "" and not (isinstance(subject, str) and subject in file.subjects):
         expected = f"one of the subjects, {', '.join(file.subjects) or '(none)'}"
         raise FileFormatError(path, f"trials.{name}.subject", expected, subject)
     if "recording" in entry:

@@ -47,8 +47,10 @@ def test_flashes_that_one_camera_has_missed_do_no_harm():
 
 def test_a_lamp_that_blinks_evenly_is_ambiguous():
     even = 1.0 + 0.5 * np.arange(20)
-    _, runners_up = flash_lags([seen("a", 0.0, flashes=even), seen("b", 0.1, flashes=even)], 2.0)
+    (pair,), runners_up = flash_lags([seen("a", 0.0, flashes=even), seen("b", 0.1, flashes=even[1:])], 2.0)
     assert min(runners_up) > 0.8
+    whole = round(float(pair.lag[0] + 0.1) / 0.5) * 0.5 - 0.1
+    assert pair.lag[0] == pytest.approx(whole, abs=0.03)  # one of those that fit, and not between them
 
 
 def test_flashes_of_other_times_give_no_pair():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tracker_node.calibration.clocks.motion import Pair
 from tracker_node.calibration.clocks.offsets import clocks_of_pairs
 from tracker_node.calibration.clocks.sound import Heard, sound_lags
 from tracker_node.errors import CalibrationError
@@ -77,3 +78,9 @@ def test_lags_beyond_what_is_searched_are_not_found():
 def test_a_silent_track_is_named():
     with pytest.raises(CalibrationError, match="sound track is silent"):
         sound_lags([heard("a", 0.0), Heard("quiet", RATE_HZ, 0.0, np.zeros(5 * RATE_HZ, np.float32))], 2.0)
+
+
+def test_two_rooms_are_not_brought_together():
+    pairs = [Pair(0, 1, np.array([1.0]), np.array([[1e-6]]), 0.9), Pair(2, 3, np.array([0.5]), np.array([[1e-6]]), 0.9)]
+    with pytest.raises(CalibrationError, match="agrees with that of no camera of a, b"):
+        clocks_of_pairs(pairs, ["a", "b", "c", "d"], [0.0] * 4, 0.0, what="sound")

@@ -58,6 +58,7 @@ def test_sides_that_differ_are_told_apart():
 def test_a_treadmill_is_no_matter_but_for_the_way():
     gait = find_gait(*walk(speed=0.0), RATE_HZ)
     assert gait.speed_m_s == pytest.approx(0.0, abs=1e-3) and gait.strides["left"].times_s == pytest.approx(STRIDE_S, abs=3e-3)
+    assert np.isnan(gait.strides["left"].lengths_m).all() and np.isnan(gait.metrics()["stride_length_m_left"])
 
 
 def test_ankles_stand_in_for_feet():

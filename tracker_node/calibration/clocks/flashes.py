@@ -131,7 +131,9 @@ def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> tuple[float, float, flo
     most, fewer = int(counts.max()), min(len(a.times_s), len(b.times_s))
     if most < _LEAST_SHARE * fewer:
         return None
-    rough = float(places[counts == most].mean())
+    best = np.flatnonzero(counts == most)
+    runs = np.split(best, np.flatnonzero(np.diff(best) > 1) + 1)  # lags that fit alike, as of a lamp that blinks evenly
+    rough = float(min((places[run].mean() for run in runs), key=abs))
     lags = rough + np.linspace(-1.5 * reach, 1.5 * reach, _GRID_OF_LAGS)
     lag_s, sigma_s = _posterior(differences, lags, a.period_s, b.period_s)
     elsewhere = counts[np.abs(places - lag_s) > _NEAR_PERIODS * reach].max(initial=0)

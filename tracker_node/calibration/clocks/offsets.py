@@ -239,6 +239,7 @@ def clocks_of_pairs(
     for k, name in enumerate(names):
         if max((pair.correlation for pair in pairs if k in (pair.i, pair.j)), default=0.0) < _BEST_CORRELATION:
             raise CalibrationError(name, f"its {what} agrees with no other camera's below the image period")
+    _check_connected(pairs, names, what)
     held = np.zeros((n, width), dtype=bool)
     for _ in range(2):
         values, covariance, misfit = _network(pairs, n, width, held)
@@ -257,6 +258,17 @@ def clocks_of_pairs(
         for k, name in enumerate(names)
     }
     return Clocks(cameras, middle_s, free_covariance[::width, ::width], misfit)
+
+
+def _check_connected(pairs: Sequence[Pair], names: Sequence[str], what: str) -> None:
+    """Raises CalibrationError where cameras agree in groups that have nothing to do with each other."""
+    reached = {0}
+    while more := {k for pair in pairs for k in (pair.i, pair.j) if reached & {pair.i, pair.j}} - reached:
+        reached |= more
+    if len(reached) < len(names):
+        apart = next(k for k in range(len(names)) if k not in reached)
+        others = ", ".join(names[k] for k in sorted(reached))
+        raise CalibrationError(names[apart], f"its {what} agrees with that of no camera of {others}")
 
 
 def _network(pairs: Sequence[Pair], n: int, width: int, held: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

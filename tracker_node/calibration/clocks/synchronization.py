@@ -88,9 +88,10 @@ def _by_sound(
             raise CalibrationError(camera.name, "has no image")
         first_s[camera.name] = 1e-9 * stamp_ns
         track = read_sound(camera.source or camera.name, seconds)
-        begins_s = first_s[camera.name] + track.after_images_s
+        pace = 1.0 + 1e-6 * camera.time_drift_ppm  # of common time to the camera's own, as its images are stamped
+        begins_s = first_s[camera.name] + pace * track.after_images_s
         way = way_m / SPEED_OF_SOUND, known_m / SPEED_OF_SOUND
-        heard.append(Heard(camera.name, track.rate_hz, begins_s, track.samples, *way))
+        heard.append(Heard(camera.name, track.rate_hz / pace, begins_s, track.samples, *way))
         progress(camera.name, f"{len(track.samples) / track.rate_hz:.1f} s of sound")
     pairs, runners_up = sound_lags(heard, options.max_offset_s)
     middle_s = float(np.median([0.5 * (one.first_s + one.last_s) for one in heard]))

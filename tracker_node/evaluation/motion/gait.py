@@ -20,6 +20,7 @@ _CUTOFF_HZ, _HEADING_HZ = 6.0, 0.5
 _SWING_M = 0.2  # a foot swings at least so far beside the pelvis
 _STRIDE_S = (0.5, 2.5)
 _STANCE = (0.45, 0.8)  # of a walk: who runs, or swings the legs in the air, has less
+_LEAST_WAY_M = 0.1  # over ground
 _FEWEST_STRIDES = 2  # of each foot, of fewer nobody is said to walk
 _POINTS = {"heel": ("heel", "ankle"), "toe": ("big_toe", "ankle")}  # the first that there is
 
@@ -31,7 +32,7 @@ class Strides:
     Attributes
     ----------
     starts_s, offs_s, ends_s : (n,) when it touches the floor, leaves it, and touches it again.
-    lengths_m : (n,) way of the heel over ground; not-a-number where the floor is not seen to be passed.
+    lengths_m : (n,) way of the heel over ground; not-a-number on a treadmill, where it has none.
     steps_s : (n,) from the other foot's touching the floor to this one's, at the end; not-a-number where that is not known.
     angles : name without the side -> (n, `N_PARTS`) in degrees.
     """
@@ -68,7 +69,8 @@ class Gait:
         for side, foot in self.strides.items():
             found[f"strides_{side}"] = len(foot.starts_s)
             found[f"stride_time_s_{side}"] = float(foot.times_s.mean())
-            found[f"stride_length_m_{side}"] = float(foot.lengths_m.mean())
+            known = foot.lengths_m[np.isfinite(foot.lengths_m)]
+            found[f"stride_length_m_{side}"] = float(known.mean()) if len(known) else float("nan")
             found[f"stance_percent_{side}"] = 100.0 * float(foot.stance.mean())
             found[f"step_time_s_{side}"] = float(np.nanmean(foot.steps_s))
         return found
@@ -168,7 +170,8 @@ def _strides(
     at = [np.column_stack([np.interp(t, times_s, heel[:, axis]) for axis in range(2)]) for t in (starts, ends)]
     parts = starts[:, None] + (ends - starts)[:, None] * np.linspace(0.0, 1.0, N_PARTS)
     angles = {name: np.interp(parts, times_s, values) for name, values in angles_deg.items()}
-    return Strides(starts, offs, ends, np.linalg.norm(at[1] - at[0], axis=1), np.array(steps), angles)
+    lengths = np.linalg.norm(at[1] - at[0], axis=1)
+    return Strides(starts, offs, ends, np.where(lengths < _LEAST_WAY_M, np.nan, lengths), np.array(steps), angles)
 
 
 def _speed(times_s: np.ndarray, middle: np.ndarray, strides: Mapping[str, Strides]) -> float:

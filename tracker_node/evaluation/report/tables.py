@@ -203,10 +203,11 @@ def gait_table(review: Review) -> Table | None:
     rows: list[list[Value]] = []
     for title, unit, digits, of in measured:
         values = [of(gait.strides[side]) for side in SIDES]
-        means = [float(np.nanmean(v)) for v in values]
+        known = [v[np.isfinite(v)] for v in values]
+        means = [float(v.mean()) if len(v) else np.nan for v in known]
         row: list[Value] = [title]
-        for mean, v in zip(means, values, strict=True):
-            row += [Cell(mean, digits=digits), Cell(float(np.nanstd(v, ddof=1)), digits=digits)]
+        for mean, v in zip(means, known, strict=True):
+            row += [Cell(mean, digits=digits), Cell(float(v.std(ddof=1)) if len(v) > 1 else np.nan, digits=digits)]
         rows.append([*row, Cell(means[0] / means[1], digits=2), unit])
     counts = " and ".join(f"{len(gait.strides[side].starts_s)} of the {side} foot" for side in SIDES)
     steps = gait.metrics()["cadence_per_min"]

@@ -221,7 +221,7 @@ class SceneView {
   }
 
   drawFloor(project, line) {
-    const step = this.reach > 1500 ? 500 : this.reach > 300 ? 100 : 20;
+    const step = this.reach > 1500 ? 500 * Math.ceil(this.reach / 10000) : this.reach > 300 ? 100 : 20;
     const n = Math.ceil(this.reach / step);
     const [x0, y0] = [Math.round(this.middle[0] / step), Math.round(this.middle[1] / step)];
     for (let k = -n; k <= n; k++) {
