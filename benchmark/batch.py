@@ -126,7 +126,8 @@ def killed_in_the_middle(trials: Trials, address: str, workers: Sequence[subproc
     """
 
     def kill(now) -> None:
-        if now.done >= 1 and now.working == 2 and workers[1].poll() is None:
+        # With two trials or more left each worker has one
+        if now.working >= 1 and now.trials - now.done >= 2 and workers[1].poll() is None:
             workers[1].send_signal(signal.SIGKILL)
 
     outcomes = run_batch(trials, BatchOptions(scheduler=address), print, kill)
