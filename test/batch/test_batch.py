@@ -97,6 +97,23 @@ def test_a_trial_that_fails_stops_nothing(trials_file, tmp_path, capsys):
     assert not (tmp_path / "out/failed/no_images.txt").exists()
 
 
+def test_what_a_trial_is_compared_with_is_checked_before_it_is_tracked(trials_file, tmp_path, monkeypatch):
+    trials_file.write_text(trials_file.read_text() + "  goals: {evaluate: {targets: [mpjpe_mm]}}\n")
+    monkeypatch.setattr("tracker_node.batch.work.run_offline", lambda *_: pytest.fail("it was tracked"))
+    job = next(trial for trial in load_trials(trials_file).trials if trial.name == "goals")
+    (tmp_path / "out/.batch").mkdir(parents=True)
+    (tmp_path / "out/.batch/token").write_text("t")
+    outcome = run_trial(Job("goals", "", job.recording, "", str(tmp_path / "out"), "t"))
+    assert outcome.state == FAILED_STATE and not outcome.details
+    assert "'evaluate.targets': expected KEY<=NUMBER or KEY>=NUMBER, got 'mpjpe_mm'" in outcome.reason
+
+
+def test_image_sets_are_counted_as_the_recording_says_also_of_a_part(trials_file, tmp_path):
+    trials_file.write_text(trials_file.read_text() + "  part: {images: {end: 6}, evaluate: {image_sets: 9}}\n")
+    (outcome,) = run_batch(load_trials(trials_file), BatchOptions(workers=1, only=("part",)))
+    assert outcome.metrics["image_sets"] == 9
+
+
 def test_a_trial_whose_process_dies_is_tried_once_more(trials_file, monkeypatch):
     died = []
 

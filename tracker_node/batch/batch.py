@@ -126,29 +126,27 @@ def run_batch(
             elif found is not None:
                 outcomes[trial.name] = found
 
-        def settled(outcome: Outcome) -> None:
+        def taken(outcome: Outcome) -> None:
             outcomes[outcome.name] = outcome
             _note_failure(trials.output, outcome)
             if outcome.state == FAILED_STATE:
                 tell(f"{outcome.name} failed: {outcome.reason}")
+
+        def settled(outcome: Outcome) -> None:
+            taken(outcome)
             _write_summary(trials, outcomes)
 
         for outcome in list(outcomes.values()):
-            if outcome.state == FAILED_STATE:
-                settled(outcome)
-            else:
-                _note_failure(trials.output, outcome)
+            taken(outcome)
+        _write_summary(trials, outcomes)
         if jobs:
             with ExitStack() as stack:
-                executor, at_once, dies = _executor(options, len(jobs), stack)
-                if not options.scheduler and options.threads is None:
-                    jobs = [replace(job, threads=1) for job in jobs]
+                executor, at_once = _executor(options, len(jobs), stack)
                 try:
-                    _share_out(jobs, executor, at_once, dies, len(trials.trials), outcomes, settled, progress)
+                    _share_out(jobs, executor, at_once, len(trials.trials), outcomes, settled, progress)
                 except BaseException:
                     executor.shutdown(wait=False)  # of both kinds, with what waits
                     raise
-        _write_summary(trials, outcomes)
         shutil.rmtree(trials.output / DRAFTS, ignore_errors=True)
         return [outcomes[name] for name in names if name in outcomes]
 
@@ -189,20 +187,21 @@ def _job_or_outcome(trial: Trial, output: Path, token: str, options: BatchOption
         return replace(before, subject=trial.subject)
     if before is not None:
         tell(f"{trial.name} is tracked again{'' if options.again else ': what it is made from has changed'}")
-    return Job(trial.name, trial.subject, trial.recording, inputs, str(output), token, options.threads)
+    threads = options.threads or (None if options.scheduler else 1)
+    return Job(trial.name, trial.subject, trial.recording, inputs, str(output), token, threads)
 
 
-def _executor(options: BatchOptions, n_jobs: int, stack: ExitStack) -> tuple[Executor, int, bool]:
-    """Who works, on how many trials at once, and whether what a dead worker was at comes back as `WorkerDied`."""
+def _executor(options: BatchOptions, n_jobs: int, stack: ExitStack) -> tuple[Executor, int]:
+    """Who works, and on how many trials at once."""
     if options.scheduler:
         cluster: AbstractContextManager[tuple[Executor, int]] = dask_executor(options.scheduler)
-        return *stack.enter_context(cluster), False
+        return stack.enter_context(cluster)
     number = min(options.workers or len(os.sched_getaffinity(0)), n_jobs)
-    return stack.enter_context(Processes(number)), number, True
+    return stack.enter_context(Processes(number)), number
 
 
 def _share_out(
-    jobs: Sequence[Job], executor: Executor, at_once: int, dies: bool, n_trials: int, outcomes: dict[str, Outcome],
+    jobs: Sequence[Job], executor: Executor, at_once: int, n_trials: int, outcomes: dict[str, Outcome],
     settled: Callable[[Outcome], None], progress: Callable[[Progress], None],
 ) -> None:  # fmt: skip
     """Give all jobs to the executor and take in what comes of them."""
@@ -215,8 +214,8 @@ def _share_out(
             job = running.pop(future)
             try:
                 outcome = future.result()
-            except WorkerDied as error:
-                if dies and tries[job.name] < _TRIES:
+            except WorkerDied as error:  # of processes; Dask itself gives the trial to another worker
+                if tries[job.name] < _TRIES:
                     tries[job.name] += 1
                     running[executor.submit(run_trial, job)] = job
                     continue

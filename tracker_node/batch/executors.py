@@ -132,7 +132,9 @@ def serve(handle: int) -> None:
 
 def _client(address: str) -> Any:
     distributed = extra_module("distributed", "cluster")
-    for tries_left in (2, 1, 0):
+    tries_left = 3
+    while True:
+        tries_left -= 1
         try:
             return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
         except AssertionError:  # its own: a scheduler that still clears up after another client may greet with two messages
@@ -141,7 +143,6 @@ def _client(address: str) -> Any:
             time.sleep(_AGAIN_S)
         except (OSError, TimeoutError, ValueError) as error:
             raise TrackerError(f"no Dask scheduler answers at {address}: {error}") from None
-    raise AssertionError
 
 
 @contextmanager

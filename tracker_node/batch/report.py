@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from ..evaluation.report.summary import METRICS, Metric
+from ..evaluation.report.builder import REPORT_HTML, REPORT_JSON, REPORT_PDF
+from ..evaluation.report.summary import described
 from ..report.document import BLUE, GREEN, Bars, Block, Cell, Column, Document, DocumentSection, Table, Value
 from ..report.html import render_html
-from ..report.metrics_file import command_line, cpu, versions, write_metrics
+from ..report.metrics_file import made_by, today, write_metrics
 from ..report.pdf import write_pdf
 from .work import FAILED_STATE, Outcome
 
-REPORT_JSON, REPORT_HTML, REPORT_PDF = "report.json", "report.html", "report.pdf"
 FEWEST = 5  # trials, of fewer none stands out
 STANDS_OUT = 3.5  # modified z-score, of Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993
 _TO_SIGMA = 0.6745  # median absolute deviation of a normal distribution, in standard deviations
@@ -99,7 +98,7 @@ def write_batch_report(
 def _metrics(outcomes: Sequence[Outcome]) -> dict[str, float | int]:
     failed = sum(outcome.state == FAILED_STATE for outcome in outcomes)
     found: dict[str, float | int] = {"batch.trials": len(outcomes), "batch.failed": failed}
-    for key in dict.fromkeys(key for outcome in outcomes for key in outcome.metrics):
+    for key in _keys(outcomes):
         spread = spread_over({outcome.name: outcome.metrics.get(key) for outcome in outcomes})
         found |= {f"batch.{key}_mean": spread.mean, f"batch.{key}_sd": spread.sd}
     return found
@@ -113,38 +112,28 @@ def _document(outcomes: Sequence[Outcome]) -> Document:
     over = _over_trials(tracked, subjects)
     problems = [f"{outcome.name} failed: {outcome.reason}" for outcome in outcomes if outcome.state == FAILED_STATE]
     problems += [f"{outcome.name}: {problem}" for outcome in tracked for problem in outcome.problems]
-    made_by = sorted({outcome.version for outcome in tracked})
-    if len(made_by) > 1:
-        problems.append(f"Trials were tracked by versions {' and '.join(made_by)}: figures may differ for that alone (--again).")
+    by = sorted({outcome.version for outcome in tracked})
+    if len(by) > 1:
+        problems.append(f"Trials were tracked by versions {' and '.join(by)}: figures may differ for that alone (--again).")
     sections: list[tuple[str, str, list[Block | None]]] = [
         ("trials", "Trials", [_trial_table(outcomes), *_bars(tracked)]),
         ("over", "Over trials", [over]),
         ("ranges", "Ranges of motion", [_range_table(tracked, subjects)]),
     ]
     kept = [DocumentSection(key, title, blocks) for key, title, made in sections if (blocks := [b for b in made if b])]
-    made = {"command": command_line(), "versions": ", ".join(f"{key} {value}" for key, value in versions().items())}
-    made["cpu"] = "{model}, {cores} cores, {simd}".format(**cpu())
-    when = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return Document(f"{len(outcomes)} trials", when, facts, problems, kept, _MEANINGS, list(made.items()))
+    return Document(f"{len(outcomes)} trials", today(), facts, problems, kept, _MEANINGS, made_by())
 
 
-def _described(outcomes: Sequence[Outcome]) -> list[tuple[Metric, str, str]]:
-    """Metric, key and title of all that any trial has and a table describes."""
-    keys = dict.fromkeys(key for outcome in outcomes for key in outcome.metrics)
-    found = []
-    for metric in METRICS:
-        stem, family = metric.key.rstrip("*"), metric.key.endswith("*")
-        for key in keys:
-            if key.startswith(stem) if family else key == stem:
-                found.append((metric, key, f"{metric.title} {key.removeprefix(stem)}" if family else metric.title))
-    return found
+def _keys(outcomes: Sequence[Outcome]) -> list[str]:
+    """Of all metrics that any trial has."""
+    return list(dict.fromkeys(key for outcome in outcomes for key in outcome.metrics))
 
 
 def _trial_table(outcomes: Sequence[Outcome]) -> Table:
     """A row a trial: what became of it."""
     shown = [
         (metric, key, title)
-        for metric, key, title in _described(outcomes)
+        for metric, key, title in described(_keys(outcomes))
         if key in ("lost_sets", "mpjpe_mm", "mpjpe_offset_free_mm", "said_lost_sets", "residual_px", "total_ms_p50")
     ]
     columns = [Column("trial", is_text=True), Column("subject", is_text=True), Column("sets", 0), Column("tracking [%]")]
@@ -178,11 +167,11 @@ def _bars(tracked: Sequence[Outcome]) -> list[Block | None]:
 
 def _over_trials(tracked: Sequence[Outcome], subjects: Sequence[str]) -> Table | None:
     """Mean and SD of the metrics over all trials, and over those of each subject."""
-    described = _described(tracked)
-    if not described:
+    known = described(_keys(tracked))
+    if not known:
         return None
     rows: list[list[Value]] = []
-    for metric, key, title in described:
+    for metric, key, title in known:
         values = {outcome.name: outcome.metrics.get(key) for outcome in tracked}
         spread = spread_over(values)
         if not spread.n:

@@ -22,16 +22,15 @@ from ..api.recording import recording_of
 from ..errors import FileFormatError, TrackerError
 from ..evaluation.evaluate import EvaluationOptions
 from ..evaluation.masks.reference import load_reference_masks
+from ..evaluation.recording_entry import check_evaluation
 from ..evaluation.report.builder import ReportOptions, write_report
 from ..evaluation.report.summary import parse_target
 from ..evaluation.review import Review
 from ..evaluation.run_review import RunFiles, review_run
-from ..evaluation.truth.states import unwrapped
 from ..loaders.json_values import finite, read_json
 from ..loaders.recording_yaml import FILES, RecordingFile
 from ..loaders.whole_file import write_whole
 from ..model.configuration import N_ROOT_DOF, variable_names
-from ..runs.images import first_image_of
 from ..runs.offline import OfflineRun, Recording, run_offline
 from ..tracking.estimate import TrackEstimate
 from ..version import __version__
@@ -187,7 +186,9 @@ def _check_place(job: Job) -> None:
 
 
 def _tracked(job: Job, draft: Path) -> Outcome:
-    recording = recording_of(job.recording)
+    recording, entry = recording_of(job.recording), job.recording.evaluate
+    if entry is not None:
+        check_evaluation(f"trial {job.name}", entry, recording.model)
     if job.threads is not None:
         recording = replace(recording, config=replace(recording.config, threads=job.threads))
     problems: list[str] = []
@@ -198,7 +199,7 @@ def _tracked(job: Job, draft: Path) -> Outcome:
         raise TrackerError("; ".join(problems) or "no image set was formed from the images")
     if not any(count for name, count in summary["status_counts"].items() if name != "INITIALIZING"):
         raise TrackerError(f"the body was not found in {summary['image_sets']} image sets: {summary['reason']}")
-    found = _reviewed(job, draft, summary)
+    found = _reviewed(job, draft)
     metrics = {key: finite(value) for key, value in found.metrics().items()}
     name = found.name
     return Outcome(
@@ -224,20 +225,18 @@ def _progress(job: Job) -> Callable[[int, int | None, TrackEstimate], None]:
     return note
 
 
-def _reviewed(job: Job, draft: Path, summary: Mapping[str, Any]) -> Review:
+def _reviewed(job: Job, draft: Path) -> Review:
     """The run against truth, where the trial names any, with a report of its own then."""
-    entry, asked = job.recording.evaluate, job.recording.images
-    first = first_image_of(summary)
+    entry = job.recording.evaluate
     if entry is None:
         return review_run(RunFiles(str(draft), pictures=0, options=EvaluationOptions(job.name)), _nothing)
     lag = None if entry.lag == "auto" else float(entry.lag)
-    options = EvaluationOptions(job.name, lag, entry.align, entry.image_sets if asked.end is None else 0)
+    options = EvaluationOptions(job.name, lag, entry.align, entry.image_sets)
     masks = load_reference_masks(entry.masks) if entry.masks else {}
-    found = review_run(
-        RunFiles(
-            str(draft), None, job.recording.rig, None, entry.truth, entry.y_up, masks, _PICTURES, options, first
-        ), _nothing,
-    )  # fmt: skip
+    files = RunFiles(
+        str(draft), rig=job.recording.rig, truth=entry.truth, y_up=entry.y_up, masks=masks, pictures=_PICTURES, options=options
+    )
+    found = review_run(files, _nothing)
     write_report(draft, [found], ReportOptions(dict(map(parse_target, entry.targets))))
     return found
 
@@ -248,7 +247,7 @@ def _nothing(text: str) -> None:
 
 def _ranges(found: Review) -> dict[str, tuple[float, float]]:
     """Of the joints' variables, where the body is not lost."""
-    values = unwrapped(found.run.values)[found.run.has_state & ~found.said_lost]
+    values = found.variables[found.run.has_state & ~found.said_lost]
     units, names, ranges = found.model.chain.dof_units, variable_names(found.model), {}
     for k in range(N_ROOT_DOF, values.shape[1] if len(values) else 0):
         scale = np.degrees(1.0) if units[k] == "rad" else 1.0

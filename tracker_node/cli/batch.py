@@ -37,9 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ..batch.batch import BatchOptions, run_batch
-    from ..batch.report import REPORT_HTML, write_batch_report
+    from ..batch.report import write_batch_report
     from ..batch.work import FAILED_STATE
     from ..errors import FileFormatError
+    from ..evaluation.report.builder import REPORT_HTML
     from ..loaders.trials_yaml import load_trials
 
     for name in ("workers", "threads"):

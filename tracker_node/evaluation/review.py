@@ -96,13 +96,18 @@ class Review:
         return points
 
     @cached_property
+    def variables(self) -> np.ndarray:
+        """(n, d) the body's variables, radians and meters, angles without full turns from set to set."""
+        return unwrapped(self.run.values)
+
+    @cached_property
     def gait(self) -> Gait | None:
         """Strides, where somebody walks; sets that are lost are left out."""
         if len(self.run) < 2:
             return None
         points = np.where(self.said_lost[:, None, None], np.nan, self.landmarks_m)
         times, points = self.over_time(points)
-        _, values = self.over_time(np.degrees(unwrapped(self.run.values)))
+        _, values = self.over_time(np.degrees(self.variables))
         angles = dict(zip(variable_names(self.model)[N_ROOT:], values[:, N_ROOT:].T, strict=True))
         landmarks = dict(zip(self.model.landmark_names, np.swapaxes(points, 0, 1), strict=True))
         return find_gait(times, landmarks, angles, 1.0 / self.period_s)

@@ -14,6 +14,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,17 @@ def format_metrics(metrics: Mapping[str, float | int]) -> str:
     whole = max(len(text.partition(".")[0]) for text in texts.values())
     width = max(len(key) for key in texts)
     return "\n".join(f"{key:<{width}}  {' ' * (whole - len(text.partition('.')[0]))}{text}" for key, text in texts.items())
+
+
+def today() -> str:
+    """Date and time, for whoever reads a report."""
+    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def made_by() -> list[tuple[str, str]]:
+    """(label, text) of the circumstances of a report: command, versions, processor."""
+    said = ", ".join(f"{key} {value}" for key, value in versions().items())
+    return [("command", command_line()), ("versions", said), ("cpu", "{model}, {cores} cores, {simd}".format(**cpu()))]
 
 
 def command_line() -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import cv2
 import jinja2
 import numpy as np
 
-from .metrics_file import command_line, cpu, versions
+from .metrics_file import command_line, cpu, today, versions
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +45,7 @@ def write_page(path: str | Path, title: str, sections: Sequence[PageSection]) ->
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     page = environment.from_string(source).render(
         title=title, sections=[(section, _data_uri(section.image)) for section in sections], command=command_line(),
-        versions=versions(), cpu=cpu(), made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        versions=versions(), cpu=cpu(), made=today(),
     )  # fmt: skip
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(page, encoding="utf-8")

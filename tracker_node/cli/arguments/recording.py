@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ...loaders.recording_yaml import EvaluateEntry, RecordingFile
+    from ...loaders.recording_yaml import RecordingFile
 
 
 def add_recording_argument(parser: argparse.ArgumentParser, built_in: Mapping[str, Any]) -> None:
@@ -60,31 +60,12 @@ def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingF
     if args.rig is None or args.model is None:
         raise TrackerError("what is tracked: give a recording.yaml, or --rig and --model")
     if recording is not None and recording.evaluate is not None:
-        _check_evaluation(args, recording.evaluate)
+        from ...evaluation.recording_entry import check_evaluation
+        from ...loaders.model.model_yaml import load_model
+
+        model = load_model(args.model) if recording.evaluate.truth else None
+        check_evaluation(args.recording, recording.evaluate, model)
     return recording
-
-
-def _check_evaluation(args: argparse.Namespace, entry: EvaluateEntry) -> None:
-    """Mistakes in what the run is compared with are reported before it is tracked.
-
-    Raises
-    ------
-    FileFormatError : a truth or masks that cannot be read, a target that is none.
-    """
-    from ...errors import FileFormatError
-    from ...evaluation.masks.reference import load_reference_masks
-    from ...evaluation.report.summary import parse_target
-    from ...evaluation.truth.files import truth_of
-    from ...loaders.model.model_yaml import load_model
-
-    for target in entry.targets:
-        try:
-            parse_target(target)
-        except ValueError:
-            raise FileFormatError(args.recording, "evaluate.targets", "KEY<=NUMBER or KEY>=NUMBER", target) from None
-    truth_of(entry.truth, entry.y_up, load_model(args.model) if entry.truth else None)
-    if entry.masks is not None:
-        load_reference_masks(entry.masks)
 
 
 def _values(recording: RecordingFile) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,11 @@ from ...model.configuration import ROOT_NAMES, variable_names
 from ...report.document import BLACK, CYCLE, Block, Curve, Curves, Document, DocumentSection, Line, Pictures
 from ...report.figure_files import write_figure_files
 from ...report.html import render_html
-from ...report.metrics_file import command_line, cpu, versions, write_metrics
+from ...report.metrics_file import made_by, today, write_metrics
 from ...report.pdf import write_pdf
 from ..masks.silhouettes import Picture, contact_sheet
 from ..review import Review
 from ..state_errors import ROWS
-from ..truth.states import unwrapped
 from . import charts, summary, tables
 from .scene import scene
 from .summary import Target
@@ -96,10 +94,7 @@ def _document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Do
         if (kept := [b for b in blocks if b])
     ]
     problems = [f"{review.name}: {said}" if len(reviews) > 1 else said for review in reviews for said in review.problems]
-    made = {"command": command_line(), "versions": ", ".join(f"{key} {value}" for key, value in versions().items())}
-    made["cpu"] = "{model}, {cores} cores, {simd}".format(**cpu())
-    when = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return Document(title, when, _facts(reviews), list(dict.fromkeys(problems)), sections, MEANINGS, list(made.items()))
+    return Document(title, today(), _facts(reviews), list(dict.fromkeys(problems)), sections, MEANINGS, made_by())
 
 
 def _facts(reviews: Sequence[Review]) -> list[tuple[str, str]]:
@@ -223,10 +218,9 @@ def _dof_curves(review: Review, color: str) -> Iterator[Curve]:
     states, shown = review.states, {}
     if states is not None:
         shown = {key: states.names.index(ROWS.get(key, key)) for key in names if ROWS.get(key, key) in states.names}
-    values = unwrapped(review.run.values)
     for k, name in enumerate(names):
         length = name in ROOT_NAMES[:3]
-        y = values[:, k] * (1e3 if length else np.degrees(1.0))
+        y = review.variables[:, k] * (1e3 if length else np.degrees(1.0))
         lines = []
         if states is not None and name in shown:
             y = states.tracked[:, shown[name]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ...report.document import Cell, Column, Table, Value, sign_of
@@ -103,6 +103,17 @@ def parse_target(text: str) -> tuple[str, Target]:
     raise ValueError(f"expected KEY<=NUMBER or KEY>=NUMBER, got {text!r}")
 
 
+def described(keys: Iterable[str]) -> list[tuple[Metric, str, str]]:
+    """(metric, key, title) of the keys that `METRICS` describes, in its order."""
+    found, keys = [], list(keys)
+    for metric in METRICS:
+        stem, family = metric.key.rstrip("*"), metric.key.endswith("*")
+        for key in keys:
+            if key.startswith(stem) if family else key == stem:
+                found.append((metric, key, f"{metric.title} {key.removeprefix(stem)}" if family else metric.title))
+    return found
+
+
 def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Table:
     """The metrics that `METRICS` describes, then targets for others; differences to the first run for every other.
 
@@ -116,11 +127,7 @@ def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> T
     A row a metric that any run has.
     """
     values = [_bare(review) for review in reviews]
-    keys: list[tuple[Metric, str, str]] = []
-    for metric in METRICS:
-        stem, family = metric.key.rstrip("*"), metric.key.endswith("*")
-        found = dict.fromkeys(key for run in values for key in run if (key.startswith(stem) if family else key == stem))
-        keys += [(metric, key, f"{metric.title} {key.removeprefix(stem)}" if family else metric.title) for key in found]
+    keys = described(dict.fromkeys(key for run in values for key in run))
     shown = {key for _, key, _ in keys}
     known = {key for run in values for key in run}
     for key in targets.keys() - shown:  # a target that nothing was measured for is missed
