@@ -8,6 +8,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .arguments.run_images import check
+
 if TYPE_CHECKING:
     from ..batch.batch import Progress
 
@@ -39,14 +41,12 @@ def run(args: argparse.Namespace) -> int:
     from ..batch.batch import BatchOptions, run_batch
     from ..batch.report import write_batch_report
     from ..batch.work import FAILED_STATE
-    from ..errors import FileFormatError
     from ..evaluation.report.builder import REPORT_HTML
     from ..loaders.trials_yaml import load_trials
 
     for name in ("workers", "threads"):
         value = getattr(args, name)
-        if value is not None and value < 1:
-            raise FileFormatError("command line", f"--{name}", "a whole number, 1 or more", value)
+        check(value is None or value >= 1, f"--{name}", "a whole number, 1 or more", value)
     trials, shown = load_trials(args.trials, args.output), _Shown(args.quiet)
     options = BatchOptions(args.workers, args.scheduler, args.threads, args.again, tuple(args.only or ()))
     outcomes = run_batch(trials, options, shown.tell, shown.progress)

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from .arguments.run_images import refuse_to_overwrite
+from .arguments.run_images import check, refuse_to_overwrite
 
 SUMMARY = "find by how much the clocks of cameras differ: by what moves, by a clap in their sound, by flashes; nobody is tracked"
 EXAMPLE = (
@@ -47,16 +47,17 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
     from ..report.metrics_file import write_metrics
 
-    _check(0.0 < args.max_offset < 1e5, "--max-offset", "a positive number of seconds", args.max_offset)
-    _check(1.0 <= args.seconds < 1e5, "--seconds", "at least 1", args.seconds)
-    _check(args.at is None or args.by == SOUND, "--at", "none without --by sound", args.at)
-    _check(not args.whole_images or args.by == MOTION, "--whole-images", f"none with --by {args.by}", "it")
+    check(0.0 < args.max_offset < 1e5, "--max-offset", "a positive number of seconds", args.max_offset)
+    check(1.0 <= args.seconds < 1e5, "--seconds", "at least 1", args.seconds)
+    check(args.at is None or args.by == SOUND, "--at", "none without --by sound", args.at)
+    check(not args.whole_images or args.by == MOTION, "--whole-images", f"none with --by {args.by}", "it")
+    check(not args.no_drift or args.by == MOTION, "--no-drift", f"none with --by {args.by}: only motion tells the drift", "it")
     output = Path(args.output)
     report, plot = Path(args.report or output.with_suffix(".json")), Path(args.plot or output.with_suffix(".png"))
     refuse_to_overwrite(args, args.output, report, plot)
     rig_file = read_rig_file(args.rig)
     rig = build_rig(rig_file, Path(args.rig).parent)
-    _check(len(rig) > 1, "--rig", "a rig of two cameras at least", f"{len(rig)}")
+    check(len(rig) > 1, "--rig", "a rig of two cameras at least", f"{len(rig)}")
     options = ClockOptions(args.max_offset, drift=not args.no_drift)
     tell = (lambda camera, what: None) if args.quiet else _print_progress
     found = synchronized(
@@ -68,13 +69,6 @@ def run(args: argparse.Namespace) -> int:
     print_table(found.clocks)
     print(f"wrote {args.output}, {report} and {plot}")
     return 0
-
-
-def _check(holds: bool, option: str, expected: str, got: object) -> None:
-    from ..errors import FileFormatError
-
-    if not holds:
-        raise FileFormatError("command line", option, expected, got)
 
 
 def _print_progress(camera: str, what: str) -> None:

@@ -55,8 +55,8 @@ def read_sound(path: str | Path, seconds: float = 60.0) -> SoundTrack:
             for frame in container.decode(stream):
                 first_s = float(frame.pts * frame.time_base) if first_s is None and frame.pts is not None else first_s
                 values = frame.to_ndarray()
-                whole = np.issubdtype(values.dtype, np.integer)
-                values = values.astype(np.float32) / (np.iinfo(frame.to_ndarray().dtype).max if whole else 1.0)
+                loudest = np.iinfo(values.dtype).max if np.issubdtype(values.dtype, np.integer) else 1.0
+                values = values.astype(np.float32) / loudest
                 channels = max(frame.layout.nb_channels, 1)
                 values = values.mean(axis=0) if values.shape[0] > 1 else values.reshape(-1, channels).mean(axis=1)
                 parts.append(values)

@@ -84,10 +84,10 @@ def test_videos_without_sound_are_named(rig, tmp_path, capsys):
     assert "left.avi: field '(content)': expected a sound track, got 'none'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("more", [["--at", "0", "0", "1"], ["--by", "flash", "--whole-images"]])
+@pytest.mark.parametrize("more", [["--at", "0", "0", "1"], ["--by", "flash", "--whole-images"], ["--by", "sound", "--no-drift"]])
 def test_options_of_another_way_are_refused(rig, tmp_path, capsys, more):
     assert main(["synchronize", "--rig", str(rig), "-o", str(tmp_path / "x.yaml"), *more]) == 2
-    assert f"field '{more[0] if more[0] == '--at' else '--whole-images'}'" in capsys.readouterr().err
+    assert f"field '{more[0] if more[0] == '--at' else more[-1]}'" in capsys.readouterr().err
 
 
 def test_the_name_of_before_says_the_present_one(capsys):

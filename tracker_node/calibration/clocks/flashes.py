@@ -7,7 +7,6 @@ image earlier in one than in the other.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -15,13 +14,12 @@ import cv2
 import numpy as np
 
 from ...errors import CalibrationError
-from .motion import MIN_IMAGES, Pair
+from .motion import Lag, Pair, check_images, pairs_that_agree
 
 _GRID = (32, 18)  # blocks of an image
-_NEIGHBORS = 15  # images, of whose median brightness a flash stands out
 _NOISE, _LEAST_LEVELS = 6.0, 4.0  # by how many times its usual change, and gray levels, a flash is brighter than before
 _LEAST_SHARE = 0.6  # of the flashes that two cameras have in common
-_NEAR_PERIODS = 2.0
+_NEAR_PERIODS, _LEAST_SIGMA_S = 2.0, 1e-5
 _GRID_OF_LAGS, _MISSED = 600, 0.01  # places of the posterior; probability that a flash is not seen, or another one is
 
 
@@ -63,8 +61,7 @@ def seen_flashes(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Flash
     for stamp_ns, bgr in images:
         stamps.append(1e-9 * stamp_ns)
         rows.append(cv2.cvtColor(cv2.resize(bgr, _GRID, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY).ravel())
-    if len(stamps) < MIN_IMAGES:
-        raise CalibrationError(camera, f"has {len(stamps)} images; at least {MIN_IMAGES} are needed to find its time")
+    check_images(camera, len(stamps))
     times, blocks = np.array(stamps), np.array(rows, dtype=np.float32)
     levels = _level(blocks)
     steps = np.diff(levels, prepend=levels[0])
@@ -105,20 +102,11 @@ def flash_lags(seen: Sequence[Flashes], max_offset_s: float) -> tuple[list[Pair]
     pairs : of those that have flashes in common.
     runners_up : of each camera, how many flashes fit another lag, in shares of those that fit the best.
     """
-    pairs, runners_up = [], [0.0] * len(seen)
-    for (i, a), (j, b) in itertools.combinations(enumerate(seen), 2):
-        found = _lag(a, b, max_offset_s)
-        if found is None:
-            continue
-        lag_s, sigma_s, share, runner_up = found
-        for k in (i, j):
-            runners_up[k] = max(runners_up[k], runner_up)
-        pairs.append(Pair(i, j, np.array([lag_s]), np.array([[max(sigma_s, 1e-5) ** 2]]), share))
-    return pairs, runners_up
+    return pairs_that_agree(seen, lambda a, b: _lag(a, b, max_offset_s))
 
 
-def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> tuple[float, float, float, float] | None:
-    """Lag of ``b`` behind ``a`` with its standard deviation, the share of the flashes that allow it, and the next best's."""
+def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> Lag | None:
+    """Lag of ``b`` behind ``a``; the correlation is the share of the flashes that allow it."""
     reach = 0.5 * (a.period_s + b.period_s)
     differences = b.times_s[None, :] - a.times_s[:, None]
     near = np.sort(differences[np.abs(differences) <= max_offset_s])
@@ -137,7 +125,7 @@ def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> tuple[float, float, flo
     lags = rough + np.linspace(-1.5 * reach, 1.5 * reach, _GRID_OF_LAGS)
     lag_s, sigma_s = _posterior(differences, lags, a.period_s, b.period_s)
     elsewhere = counts[np.abs(places - lag_s) > _NEAR_PERIODS * reach].max(initial=0)
-    return lag_s, sigma_s, min(most / fewer, 1.0), float(elsewhere / most)
+    return Lag(lag_s, max(sigma_s, _LEAST_SIGMA_S) ** 2, min(most / fewer, 1.0), float(elsewhere / most))
 
 
 def _posterior(differences: np.ndarray, lags: np.ndarray, period_a: float, period_b: float) -> tuple[float, float]:

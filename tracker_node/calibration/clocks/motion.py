@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -37,6 +38,8 @@ _LEAST_OVERLAP_S = 0.5
 _BLOCK_S = 0.4  # motion is taken to be independent from one block to the next
 _ITERATIONS = 30
 MOST_AT_ONCE = 4  # recordings that are read side by side
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +145,7 @@ class MotionMeter:
                     rows[other].append(self._profile(other, changed))
             before = now
             stamps.append(stamp_ns)
-        if len(stamps) < MIN_IMAGES:
-            raise CalibrationError(self._camera, f"has {len(stamps)} images; at least {MIN_IMAGES} are needed to find its time")
+        check_images(self._camera, len(stamps))
         profiles = {other: np.array(values) for other, values in rows.items()}
         if not any(values.any() for values in profiles.values()):
             raise CalibrationError(self._camera, "nothing moves in its images, at least not where other cameras look")
@@ -207,6 +209,21 @@ def measured_motions(
     return Workers(min(MOST_AT_ONCE, len(sources))).map(measured, range(len(sources)))
 
 
+def check_images(camera: str, n_images: int) -> None:
+    """Refuse a recording that tells too little.
+
+    Parameters
+    ----------
+    camera, n_images : its name; how many images it has.
+
+    Raises
+    ------
+    CalibrationError : fewer than `MIN_IMAGES`.
+    """
+    if n_images < MIN_IMAGES:
+        raise CalibrationError(camera, f"has {n_images} images; at least {MIN_IMAGES} are needed to find its time")
+
+
 def beginning(source: Iterable[tuple[int, np.ndarray]], seconds: float) -> Iterator[tuple[int, np.ndarray]]:
     """Images of the first seconds.
 
@@ -236,6 +253,16 @@ def _changed(before: np.ndarray, now: np.ndarray) -> np.ndarray:
     return np.clip((beyond - _CHANGED_LEVELS) / (_SURELY_LEVELS - _CHANGED_LEVELS), 0.0, 1.0)
 
 
+@dataclass(frozen=True)
+class Lag:
+    """Lag of a camera behind another one, how well both agree there, and at the next best lag as a share of that."""
+
+    lag_s: float
+    variance_s2: float
+    correlation: float
+    runner_up: float
+
+
 @dataclass(frozen=True, eq=False)
 class Pair:
     """Lag of camera ``j`` behind ``i``: what i shows at t, j shows at t + lag[0] + lag[1] * (t - middle)."""
@@ -245,6 +272,30 @@ class Pair:
     lag: np.ndarray
     covariance: np.ndarray
     correlation: float
+
+
+def pairs_that_agree(cameras: Sequence[T], lag_of: Callable[[T, T], Lag | None]) -> tuple[list[Pair], list[float]]:
+    """Lags of every pair of cameras.
+
+    Parameters
+    ----------
+    cameras : what each has seen or heard.
+    lag_of : the lag of two of them; None where they do not agree.
+
+    Returns
+    -------
+    pairs : of those that agree.
+    runners_up : of each camera, how well the second best lag agrees, in shares of the best.
+    """
+    pairs, runners_up = [], [0.0] * len(cameras)
+    for (i, a), (j, b) in itertools.combinations(enumerate(cameras), 2):
+        lag = lag_of(a, b)
+        if lag is None:
+            continue
+        for k in (i, j):
+            runners_up[k] = max(runners_up[k], lag.runner_up)
+        pairs.append(Pair(i, j, np.array([lag.lag_s]), np.array([[lag.variance_s2]]), lag.correlation))
+    return pairs, runners_up
 
 
 class Signals:

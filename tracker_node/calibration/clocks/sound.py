@@ -7,7 +7,6 @@ method for estimation of time delay", 1976). Sound takes 3 ms a meter: its way t
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,7 @@ from scipy.signal import butter, fftconvolve, sosfiltfilt
 from scipy.signal.windows import tukey
 
 from ...errors import CalibrationError
-from .motion import Pair
+from .motion import Lag, Pair, pairs_that_agree
 
 SPEED_OF_SOUND = 343.0  # m/s, at 20 degrees
 _STEP_S = 1e-3  # of onsets
@@ -79,17 +78,16 @@ def sound_lags(heard: Sequence[Heard], max_offset_s: float) -> tuple[list[Pair],
     ------
     CalibrationError : a track without any sound.
     """
-    tracks = [_track(one) for one in heard]
-    pairs, runners_up = [], [0.0] * len(tracks)
-    for (i, a), (j, b) in itertools.combinations(enumerate(tracks), 2):
-        found = _rough_lag(a, b, max_offset_s)
-        if found is None:
-            continue
-        lag_s, correlation, runner_up = found
-        for k in (i, j):
-            runners_up[k] = max(runners_up[k], runner_up)
-        pairs.append(_refined(i, j, a, b, lag_s, correlation))
-    return pairs, runners_up
+    return pairs_that_agree([_track(one) for one in heard], lambda a, b: _lag(a, b, max_offset_s))
+
+
+def _lag(a: _Track, b: _Track, max_offset_s: float) -> Lag | None:
+    """Lag of ``b`` behind ``a``, without sound's way to either camera."""
+    rough = _rough_lag(a, b, max_offset_s)
+    if rough is None:
+        return None
+    lag_s, correlation, runner_up = rough
+    return Lag(*_refined(a, b, lag_s), correlation, runner_up)
 
 
 def _track(heard: Heard) -> _Track:
@@ -124,8 +122,8 @@ def _rough_lag(a: _Track, b: _Track, max_offset_s: float) -> tuple[float, float,
     return float(lags[best]), float(table[best]), float(elsewhere / table[best])
 
 
-def _refined(i: int, j: int, a: _Track, b: _Track, lag_s: float, correlation: float) -> Pair:
-    """The lag to less than a sample, from onsets one by one, without sound's way to either camera."""
+def _refined(a: _Track, b: _Track, lag_s: float) -> tuple[float, float]:
+    """The lag to less than a sample, from onsets one by one, without sound's way to either camera; and its variance."""
     found = [lag for at_s in _strongest(a) if (lag := _lag_at(a, b, at_s, lag_s)) is not None]
     if found:
         lags = np.array(found)
@@ -135,7 +133,7 @@ def _refined(i: int, j: int, a: _Track, b: _Track, lag_s: float, correlation: fl
     else:
         middle, sigma = lag_s, 5.0 * _SIGMA_OF_ONE_S
     variance = sigma**2 + a.heard.way_sigma_s**2 + b.heard.way_sigma_s**2
-    return Pair(i, j, np.array([middle - (b.heard.way_s - a.heard.way_s)]), np.array([[variance]]), correlation)
+    return middle - (b.heard.way_s - a.heard.way_s), variance
 
 
 def _strongest(track: _Track) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -118,7 +118,7 @@ def _loudness(heard: Heard) -> Signal:
 def _by_flash(rig: CameraRig, options: ClockOptions, seconds: float, progress: Progress) -> Synchronization:
     def seen(index: int):
         camera = rig.cameras[index]
-        found = seen_flashes(camera.name, beginning(_read(camera), seconds))
+        found = seen_flashes(camera.name, beginning(open_camera_source(camera), seconds))
         progress(camera.name, f"{len(found.times_s)} flashes in {len(found.stamps_s)} images")
         return found
 
@@ -128,11 +128,6 @@ def _by_flash(rig: CameraRig, options: ClockOptions, seconds: float, progress: P
     clocks = clocks_of_pairs(pairs, rig.names, runners_up, middle_s, what="light")
     first_s = {f.camera: float(f.stamps_s[0]) for f in flashes}
     return Synchronization(clocks, first_s, {f.camera: (f.stamps_s, f.levels) for f in flashes})
-
-
-def _read(camera) -> Iterator[tuple[int, np.ndarray]]:
-    source: Iterable[tuple[int, np.ndarray]] = open_camera_source(camera)
-    yield from source
 
 
 def draw_synchronization(found: Synchronization, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Arguments of calibrations from the images of an earlier run, and of every verb that must not overwrite."""
+"""Arguments of calibrations from the images of an earlier run, and what every verb checks of its arguments."""
 
 from __future__ import annotations
 
@@ -32,6 +32,18 @@ def add_run_arguments(parser: argparse.ArgumentParser, n_sets: int) -> None:
         help="region: colors on either side of contours; silhouette: needs good backgrounds (default: %(default)s)")  # fmt: skip
     add("--config", metavar="FILE", help="tracker parameters, for how the images are processed (default: the run's)")
     add("--quiet", action="store_true", help="no progress on stderr")
+
+
+def check(condition: object, option: str, expected: str, got: object = "nothing") -> None:
+    """Raise a `FileFormatError` that names an option of the command line unless ``condition``.
+
+    Parameters
+    ----------
+    condition : that must hold.
+    option, expected, got : for the message.
+    """
+    if not condition:
+        raise FileFormatError("command line", option, expected, got)
 
 
 def refuse_to_overwrite(args: argparse.Namespace, *paths: str | Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...errors import FileFormatError, TrackerError
 from ..arguments.person import add_person_argument, place_of_person
-from ..arguments.run_images import add_run_arguments, evidence_of, load_run_images, refuse_to_overwrite
+from ..arguments.run_images import add_run_arguments, check, evidence_of, load_run_images, refuse_to_overwrite
 
 GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
 
@@ -50,9 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     points.add_argument("--keypoints-table", type=Path, metavar="FILE", help="keypoints.yaml: what they are on the body")
     points.add_argument("--keypoints-weights", type=Path, metavar="FILE", help="weights of another size of the network")
     add_person_argument(points)
-    parser.add_argument(
-        "--stiff-ankles", action="store_true", help="feet do not bend at the ankles, as in Knossow et al. (2008)"
-    )
+    parser.add_argument("--stiff-ankles", action="store_true", help="feet do not bend at the ankles, as in Knossow et al. (2008)")
     parser.add_argument("--asymmetric", action="store_true", help="keep differences between left and right")
     parser.add_argument(
         "--states",
@@ -218,18 +216,6 @@ def _print_parameters(report) -> None:
         print(f"{p.name:28} {100 * p.value:+8.1f} {100 * p.sigma:7.1f} {100 * p.prior_sigma:7.0f}")
     before, after = report.overall
     print(f"contours: rms {before.rms_px:.2f} -> {after.rms_px:.2f} px, {after.count} lines in {report.n_sets} image sets")
-
-
-def check(condition: object, option: str, expected: str, got: object = "nothing") -> None:
-    """Raise a `FileFormatError` that names an option of the command line unless ``condition``.
-
-    Parameters
-    ----------
-    condition : that must hold.
-    option, expected, got : for the message.
-    """
-    if not condition:
-        raise FileFormatError("command line", option, expected, got)
 
 
 def _comment(name: str, args: argparse.Namespace) -> str:

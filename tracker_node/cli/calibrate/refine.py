@@ -7,8 +7,14 @@ import math
 from functools import partial
 from pathlib import Path
 
-from ..arguments.run_images import add_run_arguments, evidence_of, load_run_images, named_file, refuse_to_overwrite
-from .body import check
+from ..arguments.run_images import (
+    add_run_arguments,
+    check,
+    evidence_of,
+    load_run_images,
+    named_file,
+    refuse_to_overwrite,
+)
 
 SUMMARY = "refine the places of the cameras from 2D joints in their images, or places and clocks from the images of a run"
 EXAMPLE = (

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..arguments.run_images import refuse_to_overwrite
-from .body import check
+from ..arguments.run_images import check, refuse_to_overwrite
 
 SUMMARY = "find where a robot's base stands, and the cameras in its frame, from images and its joint states"
 EXAMPLE = (
