@@ -26,9 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", nargs="+", metavar="TRIAL", help="only these trials")
     parser.add_argument("--again", action="store_true", help="track trials that are done already, too")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "--workers", type=int, metavar="N", help="processes on this machine (default: its processors); about 1 GB each"
-    )
+    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: its processors)")
     where.add_argument("--scheduler", metavar="ADDRESS", help="take the workers of this Dask scheduler, tcp://HOST:PORT")
     parser.add_argument(
         "--threads", type=int, metavar="N", help="of each tracker (default: 1, with --scheduler what its parameters say)"
