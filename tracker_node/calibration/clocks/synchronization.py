@@ -38,11 +38,13 @@ class Synchronization:
     clocks : of all cameras.
     first_s : camera -> stamp of its first image, as it was read.
     signals : camera -> times of its own stamps, and a signal that rises where something happened.
+    what : the signals are.
     """
 
     clocks: Clocks
     first_s: Mapping[str, float]
     signals: Mapping[str, Signal]
+    what: str
 
 
 def synchronized(
@@ -73,7 +75,7 @@ def synchronized(
     if way == MOTION:
         motions = measured_motions(rig, seconds, whole_images, lambda camera, n: progress(camera, f"{n} images"))
         altogether = {m.camera: (m.times_s, np.mean([p.mean(axis=1) for p in m.profiles.values()], axis=0)) for m in motions}
-        return Synchronization(estimate_clocks(motions, options), {m.camera: m.first_s for m in motions}, altogether)
+        return Synchronization(estimate_clocks(motions, options), {m.camera: m.first_s for m in motions}, altogether, "motion")
     return _by_sound(rig, options, seconds, place, progress) if way == SOUND else _by_flash(rig, options, seconds, progress)
 
 
@@ -96,7 +98,7 @@ def _by_sound(
     pairs, runners_up = sound_lags(heard, options.max_offset_s)
     middle_s = float(np.median([0.5 * (one.first_s + one.last_s) for one in heard]))
     clocks = clocks_of_pairs(pairs, rig.names, runners_up, middle_s, what=SOUND)
-    return Synchronization(clocks, first_s, {one.camera: _loudness(one) for one in heard})
+    return Synchronization(clocks, first_s, {one.camera: _loudness(one) for one in heard}, "loudness")
 
 
 def _ways(rig: CameraRig, place: Sequence[float] | None) -> tuple[np.ndarray, float]:
@@ -127,7 +129,7 @@ def _by_flash(rig: CameraRig, options: ClockOptions, seconds: float, progress: P
     middle_s = float(np.median([0.5 * (f.stamps_s[0] + f.stamps_s[-1]) for f in flashes]))
     clocks = clocks_of_pairs(pairs, rig.names, runners_up, middle_s, what="light")
     first_s = {f.camera: float(f.stamps_s[0]) for f in flashes}
-    return Synchronization(clocks, first_s, {f.camera: (f.stamps_s, f.levels) for f in flashes})
+    return Synchronization(clocks, first_s, {f.camera: (f.stamps_s, f.levels) for f in flashes}, "brightness")
 
 
 def draw_synchronization(found: Synchronization, path: Path) -> None:
@@ -143,7 +145,7 @@ def draw_synchronization(found: Synchronization, path: Path) -> None:
     shifts = {name: clock.offset_s for name, clock in found.clocks.cameras.items()}
     first = next(iter(found.signals))
     times, values = found.signals[first]
-    event_s = float(times[np.argmax(np.abs(np.diff(values, prepend=values[0])))] + shifts[first])
+    event_s = float(times[np.argmax(np.diff(values, prepend=values[0]))] + shifts[first])
     for i, (name, (times, values)) in enumerate(found.signals.items()):
         clock, color = found.clocks.cameras[name], CYCLE[i % len(CYCLE)]
         common = times + clock.offset_s + clock.drift * (times - found.clocks.middle_s)
@@ -159,7 +161,7 @@ def draw_synchronization(found: Synchronization, path: Path) -> None:
             ax.tick_params(labelsize=7)
             ax.spines[["top", "right", "left"]].set_visible(False)
     axes[-1, 1].set_xticks([-_SHOWN_S, 0.0, _SHOWN_S])
-    axes[0, 0].set_title("as the stamps say", size=9, loc="left")
+    axes[0, 0].set_title(f"{found.what}, as the stamps say", size=9, loc="left")
     axes[0, 1].set_title("in common time", size=9, loc="left")
     axes[-1, 0].set_xlabel("s", size=8)
     axes[-1, 1].set_xlabel("s from the strongest event", size=8)
