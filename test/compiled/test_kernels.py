@@ -4,6 +4,7 @@ import gc
 import os
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,45 @@ def test_a_callee_or_a_constant_that_has_changed_is_noticed(tmp_path):
     assert answer(tmp_path) == ["203", "0"]
     written(tmp_path, factor=3, offset=200, unused=5)
     assert answer(tmp_path) == ["203", "1"]
+
+
+TWO_OF_ONE_FACTORY = """
+def make(number):
+    @compiled
+    def f(x):
+        return x + number
+    return f
+f = make(1), make(2)
+"""
+
+
+def test_processes_that_keep_at_once_do_not_mix_up_what_they_keep(function, monkeypatch):
+    """Whatever the other does while a file is written, and the other way round."""
+    for first, second in [(0, 1), (1, 0)]:
+        both = function(TWO_OF_ONE_FACTORY)
+        file = both[first]._cache._cache_file
+        write = file._open_for_write
+
+        @contextmanager
+        def meanwhile(path, write=write, other=both[second]):
+            other(10)
+            with write(path) as opened:
+                yield opened
+
+        monkeypatch.setattr(file, "_open_for_write", meanwhile)
+        assert [f(10) for f in both] == [11, 12]
+        again = [compiled(f.py_func) for f in both]
+        assert [f(10) for f in again] == [11, 12]
+        assert all(f.stats.cache_hits for f in again)
+
+
+def test_what_is_older_than_its_source_is_removed(function):
+    f, g = function(TWO_OF_ONE_FACTORY)
+    f(10), f(10.0)
+    kept = list(Path(f._cache.cache_path).glob("*.nbc"))
+    os.utime(kept[0], (0, 0))
+    g(10)
+    assert len(kept) == 2 and not kept[0].exists() and kept[1].exists()
 
 
 @pytest.fixture

@@ -1,7 +1,8 @@
 """The decorator of all compiled functions, and what their machine code is kept by.
 
 numba keeps machine code beside the source file of a function, and takes it for fresh until that file changes. But a function is
-compiled together with those that it calls, and with constants of other modules; so here it is kept by the content of all of them.
+compiled together with those that it calls, and with constants of other modules; so here it is kept by the content of all of them,
+in a file whose name says which.
 """
 
 from __future__ import annotations
@@ -9,14 +10,16 @@ from __future__ import annotations
 import gc
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba as nb
 import numpy as np
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
 _ROOT = __name__.partition(".")[0]
@@ -62,12 +65,50 @@ def is_kept(dispatcher: Any, types: tuple) -> bool:
 class _ContentCache(FunctionCache):
     """Machine code by the content of a function and of all that it uses."""
 
+    def __init__(self, function: Callable):
+        super().__init__(function)
+        self._cache_file: _FileEach = _FileEach(self._cache_path, self._impl.filename_base, Path(function.__code__.co_filename))
+
     def _index_key(self, sig: Any, codegen: Any) -> tuple:
         return (*super()._index_key(sig, codegen), content_of(self._py_func))
 
     def has(self, types: tuple, codegen: Any) -> bool:
         """Whether there is machine code for arguments of some types; it is not loaded."""
-        return self._index_key(types, codegen) in self._cache_file._load_index()
+        return self._cache_file.path_of(self._index_key(types, codegen)).exists()
+
+
+class _FileEach(IndexDataCacheFile):
+    """One file for each key, and no index.
+
+    numba numbers the files of a function and keeps an index of them. Two processes that keep something of the same name at once,
+    as `ahead` has them do with functions that one factory has made, give both the same number: one is then called for the other.
+    """
+
+    def __init__(self, folder: str, name: str, source: Path):
+        super().__init__(folder, name, None)
+        self._folder, self._name, self._source = Path(folder), name, source
+
+    def path_of(self, key: tuple) -> Path:
+        """Where the machine code of a key is, or would be. Types of arguments are told apart by how they are written."""
+        digest = hashlib.sha256(repr((self._version, key)).encode()).hexdigest()[:32]
+        return self._folder / f"{self._name}.{digest}.nbc"
+
+    def save(self, key: tuple, data: Any) -> None:
+        self._save_data(self.path_of(key).name, data)
+        with suppress(FileNotFoundError):  # another process removes them, too
+            changed = self._source.stat().st_mtime
+            for other in self._folder.glob(f"{self._name}.*.nbc"):
+                if other.stat().st_mtime < changed:
+                    other.unlink()
+
+    def load(self, key: tuple) -> Any:
+        try:
+            return self._load_data(self.path_of(key).name)
+        except FileNotFoundError:
+            return None
+
+    def flush(self) -> None:
+        pass
 
 
 @cache
