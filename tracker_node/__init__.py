@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from .version import __version__
 
 if TYPE_CHECKING:
-    from .api.functions import evaluate, export, track
-    from .api.recording import Recording, open_recording
+    from .api.functions import evaluate, export, track, track_bodies
+    from .api.recording import Recording, open_bodies, open_recording
     from .api.run import Run, load_run
     from .errors import TrackerError
     from .loaders.model.model_yaml import load_model
@@ -42,8 +42,10 @@ __all__ = [
     "load_rig",
     "load_run",
     "load_state",
+    "open_bodies",
     "open_recording",
     "track",
+    "track_bodies",
 ]
 _MODULES = {  # name -> module that has it
     "CameraImage": "observation.image_set",
@@ -61,8 +63,10 @@ _MODULES = {  # name -> module that has it
     "load_rig": "loaders.rig.rig_yaml",
     "load_run": "api.run",
     "load_state": "loaders.model.state_yaml",
+    "open_bodies": "api.recording",
     "open_recording": "api.recording",
     "track": "api.functions",
+    "track_bodies": "api.functions",
 }
 
 

@@ -21,7 +21,7 @@ from tracker_node.observation.image_set import ImageSet
 from tracker_node.observation.keypoints.blazepose import NAMES, BlazePose, BlazePoseFiles
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People, Person, Silhouette, checked
-from tracker_node.runs.people.detection import Detector
+from tracker_node.runs.people.detection import Detector, distinct
 
 _CODE = tuple(path.read_bytes() for path in sorted(Path(keypoints.__file__).parent.glob("*.py")))  # as it has been loaded
 _NEAR_CENTER, _NEAR_SIZE, _NEAR_RAD = 0.04, 0.06, 0.08  # shares of a crop's size, and its angle
@@ -30,7 +30,7 @@ _NEAR_CENTER, _NEAR_SIZE, _NEAR_RAD = 0.04, 0.06, 0.08  # shares of a crop's siz
 class Expecting(Protocol):
     """Knows where the body is expected."""
 
-    def expected_crops(self, stamp_ns: int) -> list[Crop | None]: ...
+    def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +79,13 @@ class KeptPeople:
         Image set, milliseconds.
         """
         images, total = [], 0.0
-        for image, crop in zip(image_set.images, tracker.expected_crops(image_set.stamp_ns), strict=True):
+        for image, crops in zip(image_set.images, tracker.expected_crops(image_set.stamp_ns), strict=True):
             pixels = np.ascontiguousarray(image.bgr)
-            found = self.find(pixels, crop)
-            if crop is not None and not found.people:  # as people_in looks
-                whole = self.find(pixels, None)
-                found = Found(whole.people, found.ms + whole.ms)
-            images.append(replace(image, people=found.people))
-            total += found.ms
+            near = [self.find(pixels, crop) for crop in crops]
+            people = distinct(tuple(person for found in near for person in found.people))
+            whole = Found((), 0.0) if people else self.find(pixels, None)  # as people_in looks
+            images.append(replace(image, people=people or whole.people))
+            total += sum(found.ms for found in [*near, whole])
         return replace(image_set, images=tuple(images)), total
 
     def find(self, image: np.ndarray, crop: Crop | None) -> Found:

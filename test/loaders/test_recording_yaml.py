@@ -72,7 +72,7 @@ def test_sources_by_camera(folder):
 
 MISTAKES = {
     "rig: rig.yaml": ("rig: other.yaml", "rig", "an existing file"),
-    "model: person.yaml": ("", "model", "a value"),
+    "model: person.yaml": ("", "model", "the body to track, or bodies"),
     "output: run": ("output: run\nmasks: true", "masks", "one of"),
     "sources: videos/{name}.mp4": ("sources: {left: 'ftp://x'}", "sources.left", "a source of a known kind"),
     "videos/{name}.mp4": ("videos/{camera}.mp4", "sources", "{name} or {number}"),
@@ -110,6 +110,49 @@ def test_mistakes_name_file_and_field(folder, right):
         load_recording(path)
     assert (caught.value.file, caught.value.field) == (str(path), field)
     assert expected in str(caught.value)
+
+
+BODIES = """
+rig: rig.yaml
+output: run
+config: config.yaml
+bodies:
+  man: {model: person.yaml, initial_state: ../start.yaml, evaluate: {truth: truth.trc}}
+  woman: {model: person.yaml, config: own.yaml, person: [1, 0.5, 1]}
+"""
+
+
+def test_several_bodies(folder):
+    (folder / "config.yaml").write_text("")
+    (folder / "own.yaml").write_text("")
+    recording = load_recording(written(folder, BODIES))
+    man, woman = recording.of_body("man"), recording.of_body("woman")
+    assert (man.output, woman.output) == (str(folder / "run/man"), str(folder / "run/woman")) and not man.bodies
+    assert (man.config, woman.config) == (str(folder / "config.yaml"), str(folder / "own.yaml"))
+    assert man.evaluate.truth == (str(folder / "truth.trc"),) and woman.evaluate is None
+    assert Path(man.initial_state).samefile(folder.parent / "start.yaml") and woman.person == (1.0, 0.5, 1.0)
+
+
+BODY_MISTAKES = {
+    "output: run": ("output: run\nmodel: person.yaml", "model", "nothing beside bodies"),
+    "config: config.yaml": ("person: [0, 0, 1]", "person", "nothing beside bodies"),
+    "  man: {model": ("  two men: {model", "bodies", "a name of letters, digits and _"),
+    "woman: {model": ("man: {model", "", "expected each key once"),
+    "truth: truth.trc": ("truth: else.trc", "bodies.man.evaluate.truth", "an existing file"),
+    "model: person.yaml, config: own.yaml": ("model: else.yaml", "bodies.woman.model", "an existing file"),
+    "config: own.yaml": ("initial_state: ../start.yaml", "bodies.woman.person", "either initial_state or person"),
+}
+
+
+@pytest.mark.parametrize("right", BODY_MISTAKES)
+def test_mistakes_in_several_bodies(folder, right):
+    (folder / "config.yaml").write_text("")
+    (folder / "own.yaml").write_text("")
+    wrong, field, expected = BODY_MISTAKES[right]
+    assert BODIES.count(right) == 1
+    with pytest.raises(FileFormatError) as caught:
+        load_recording(written(folder, BODIES.replace(right, wrong)))
+    assert expected in str(caught.value) and (not field or caught.value.field == field)
 
 
 VALUES = st.recursive(

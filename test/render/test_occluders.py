@@ -9,6 +9,7 @@ from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
+from tracker_node.model.neighbors import Neighbor
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.render.contour.generators import N_COLUMNS, P, world_spheres
 from tracker_node.render.contour.samples import (
@@ -20,8 +21,8 @@ from tracker_node.render.contour.samples import (
     collect_samples,
     most_samples,
 )
-from tracker_node.render.occluders import Occluders, drop_covered
-from tracker_node.render.raycast.raycaster import render_labels
+from tracker_node.render.occluders import NO_NEIGHBORS, NOTHING, SAYS_NOTHING, Occluders, drop_covered
+from tracker_node.render.raycast.raycaster import render_labels, render_view
 from tracker_node.render.shape_arrays import ShapeArrays
 
 RIG, HUMAN = circle_rig(), human_model()
@@ -129,3 +130,71 @@ def test_every_fourth_pixel_has_the_label_that_it_has_among_all(room):
 def test_a_body_out_of_sight_is_not_looked_at(room):
     behind = State(se3.exp(np.append(3.0 * RIG.cameras[0].center, np.zeros(3))), BODY.state.joint_positions)
     assert Occluders(room, RIG).look(0, Configuration(HUMAN, behind), RIG.cameras[0], 10) is None
+
+
+def beside(x: float, y: float) -> Configuration:
+    """The body elsewhere."""
+    return Configuration(HUMAN, State(se3.exp(np.array([x, y, 0.95, 0.0, 0.0, 0.0])), State.neutral(HUMAN).joint_positions))
+
+
+def neighbor(body: Configuration, known: bool = True) -> Neighbor:
+    n = len(HUMAN.shapes)
+    colors = [np.full((n, 8), 1.0 + i, np.float32) if known else None for i in range(len(RIG))]
+    return Neighbor(body, np.arange(n, dtype=np.int32), colors)
+
+
+def test_another_body_is_before_this_one_or_behind_it():
+    camera, toward = RIG.cameras[0], RIG.cameras[0].center[:2] / np.linalg.norm(RIG.cameras[0].center[:2])
+    for sign, before in ((1.0, True), (-1.0, False)):
+        other = beside(*(0.8 * sign * toward))
+        occluders = Occluders(None, RIG)
+        occluders.show([neighbor(other)], BODY)
+        view = render_view(other, camera)
+        (labels, colors), depth = occluders.neighbors[0], occluders.depths[0]
+        np.testing.assert_array_equal(depth, view.depth)
+        if before:
+            assert (labels[view.labels > 0] == SAYS_NOTHING).all()
+        else:
+            np.testing.assert_array_equal(labels, view.labels)
+        assert not labels[view.labels == 0].any() and colors.shape == (len(HUMAN.shapes), 8)
+        own = render_view(BODY, camera)
+        seen = occluders.look(0, BODY, camera)
+        u0, v0, u1, v1 = seen.region
+        hidden = (own.labels > 0) & (view.depth < own.depth - 0.01)
+        np.testing.assert_array_equal(seen.labels > 0, ((own.labels > 0) & ~hidden)[v0:v1, u0:u1])
+        assert hidden.any() is np.bool_(before) and seen.others[(view.labels > 0)[v0:v1, u0:u1]].all()
+        everybody = occluders.with_neighbors(0, seen)
+        u0, v0, u1, v1 = everybody.region
+        np.testing.assert_array_equal(everybody.labels > 0, ((view.labels > 0) | (own.labels > 0))[v0:v1, u0:u1])
+        assert not (view.labels > 0)[:v0].any() and not (view.labels > 0)[:, u1:].any()
+
+
+def test_colors_of_several_others_are_told_apart():
+    occluders, a, b = Occluders(None, RIG), beside(0.0, -0.9), beside(0.0, 0.9)
+    occluders.show([neighbor(a), neighbor(b)], beside(0.0, 30.0))
+    for i, camera in enumerate(RIG):
+        views = [render_view(body, camera) for body in (a, b)]
+        labels, colors = occluders.neighbors[i]
+        alone = (views[1].labels > 0) & (views[0].labels == 0) & (labels != SAYS_NOTHING)
+        np.testing.assert_array_equal(labels[alone], views[1].labels[alone] + len(HUMAN.shapes))
+        assert len(colors) == 2 * len(HUMAN.shapes)
+
+
+def test_of_whom_nothing_is_known_nothing_is_told():
+    occluders, other = Occluders(None, RIG), beside(0.0, 0.9)
+    for given, own in ((neighbor(other, known=False), BODY), (neighbor(other), None)):
+        occluders.show([given], own)
+        for i, camera in enumerate(RIG):
+            shown = render_view(other, camera).labels > 0
+            np.testing.assert_array_equal(occluders.neighbors[i][0] == SAYS_NOTHING, shown)
+    occluders.show([], BODY)
+    assert occluders.depths == [NOTHING] * len(RIG) and occluders.neighbors == [NO_NEIGHBORS] * len(RIG)
+
+
+def test_fixed_things_hide_others_too():
+    scene, _ = screen(0.6)
+    fixed, occluders = Occluders(scene, RIG), Occluders(scene, RIG)
+    occluders.show([neighbor(BODY)], beside(0.0, 30.0))
+    behind = fixed.depths[0] < render_view(BODY, RIG.cameras[0]).depth
+    assert not occluders.neighbors[0][0][behind].any() and occluders.neighbors[0][0].any()
+    np.testing.assert_array_equal(occluders.depths[0], np.minimum(fixed.depths[0], render_view(BODY, RIG.cameras[0]).depth))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..errors import TrackerError
@@ -14,8 +14,8 @@ from ..evaluation.review import review
 from ..evaluation.truth.files import truth_of
 from ..runs.images import first_image_of
 from ..runs.load import load_run
-from ..runs.offline import OfflineRun, Progress, run_offline
-from .recording import Recording, open_recording
+from ..runs.offline import OfflineRun, Progress, run_together
+from .recording import Recording, open_bodies, open_recording
 from .run import Run, unwritten
 
 
@@ -47,21 +47,51 @@ def track(recording: Recording | str | Path, output: str | Path | None = None, p
     if not isinstance(recording, Recording):
         recording = open_recording(recording)
     if output is not None:
-        return _tracked(recording, Path(output), progress)
+        return _tracked({"": recording}, {"": Path(output)}, progress)[""]
     with tempfile.TemporaryDirectory(prefix="tracker_node-") as folder:
-        run = _tracked(recording, Path(folder) / "run", progress)
+        run = _tracked({"": recording}, {"": Path(folder) / "run"}, progress)[""]
         return Run(unwritten(run.data), run.model)
 
 
-def _tracked(recording: Recording, output: Path, progress: Progress | None) -> Run:
+def track_bodies(
+    recordings: Mapping[str, Recording] | str | Path, output: str | Path, progress: Progress | None = None
+) -> dict[str, Run]:
+    """Track several bodies in the same images, each of which knows of the others, as ``tracker_node track`` does.
+
+    Parameters
+    ----------
+    recordings : by the name of the body, see `open_bodies`; or a ``recording.yaml``. Cameras, images and points are those of the
+        first.
+    output : folder; the run of each body goes into a folder of its name there.
+    progress : of `track`, with the estimate of whichever body is worst off.
+
+    Returns
+    -------
+    By the name of the body, its run.
+
+    Raises
+    ------
+    TrackerError : of `track`.
+
+    Examples
+    --------
+    >>> runs = track_bodies("recording.yaml", "out/two")  # doctest: +SKIP
+    """
+    if not isinstance(recordings, Mapping):
+        recordings = open_bodies(recordings)
+    return _tracked(recordings, {name: Path(output) / name for name in recordings}, progress)
+
+
+def _tracked(recordings: Mapping[str, Recording], outputs: Mapping[str, Path], progress: Progress | None) -> dict[str, Run]:
     problems: list[str] = []
-    what = OfflineRun(**vars(recording), asked=recording.named_options())
-    summary = run_offline(what, output, progress, problems.append)
-    for sentence in dict.fromkeys([*problems, *summary["errors"]]):
+    runs = {name: OfflineRun(**vars(each), asked=each.named_options()) for name, each in recordings.items()}
+    summaries = run_together(runs, outputs, progress, problems.append)
+    errors = [error for summary in summaries.values() for error in summary["errors"]]
+    for sentence in dict.fromkeys([*problems, *errors]):
         warnings.warn(sentence, stacklevel=3)
-    if not summary["image_sets"]:
-        raise TrackerError("; ".join(summary["errors"]) or "no image set was formed from the images of the recording")
-    return Run(load_run(output), recording.model)
+    if not any(summary["image_sets"] for summary in summaries.values()):
+        raise TrackerError("; ".join(dict.fromkeys(errors)) or "no image set was formed from the images of the recording")
+    return {name: Run(load_run(outputs[name]), each.model) for name, each in recordings.items()}
 
 
 def evaluate(

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..camera.rig import CameraRig
+from ..errors import TrackerError
 from ..loaders.images.source import SourceOptions
 from ..loaders.model.model_yaml import load_model
 from ..loaders.model.state_yaml import load_state
@@ -45,13 +46,42 @@ def open_recording(path: str | Path) -> Recording:
     return recording_of(load_recording(path))
 
 
+def open_bodies(path: str | Path) -> dict[str, Recording]:
+    """Read a ``recording.yaml`` of several bodies and the files that it names.
+
+    Parameters
+    ----------
+    path : the file; paths in it are relative to its folder.
+
+    Returns
+    -------
+    By the name of the body, the recording as if it were alone; of one body, by the name of its model.
+
+    Raises
+    ------
+    FileFormatError : naming file and field; also a file that is missing.
+
+    Examples
+    --------
+    >>> runs = track_bodies(open_bodies("recording.yaml"), "out/two")  # doctest: +SKIP
+    """
+    file = load_recording(path)
+    if not file.bodies:
+        alone = recording_of(file)
+        return {alone.model.name: alone}
+    return {name: recording_of(file.of_body(name)) for name in file.bodies}
+
+
 def recording_of(file: RecordingFile) -> Recording:
     """The recording that the content of a ``recording.yaml`` describes, with the files that it names read.
 
     Raises
     ------
     FileFormatError : naming file and field.
+    TrackerError : it is of several bodies.
     """
+    if file.model is None:
+        raise TrackerError(f"expected a recording of one body, got several: {', '.join(file.bodies)}")
     rig, model = load_rig(file.rig), load_model(file.model)
     rig = with_sources(rig, file.sources_of(rig.names))
     images, points = file.images, file.keypoints

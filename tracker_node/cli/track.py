@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 from .arguments.cameras import image_size
 from .arguments.person import add_person_argument, place_of_person
-from .arguments.recording import add_recording_argument, evaluate_recording, fill_in
+from .arguments.recording import add_recording_argument, by_body, evaluate_recording, fill_in
 from .arguments.runs import named_options, nothing_tracked
 from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:
+    from ..camera.rig import CameraRig
     from ..loaders.images.source import SourceOptions
     from ..runs.joint_states import JointStateFile
+    from ..runs.offline import OfflineRun
     from ..runs.people.detection import DetectionOptions
     from ..runs.people.recorded import PointFiles
 
@@ -111,58 +113,73 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from ..api.recording import with_sources
     from ..errors import TrackerError
-    from ..loaders.keypoints.table import load_keypoint_table
-    from ..loaders.model.model_yaml import load_model
-    from ..loaders.model.state_yaml import load_state
     from ..loaders.rig.rig_yaml import load_rig
-    from ..runs.config_file import load_config
-    from ..runs.offline import OfflineRun, run_offline
-    from ..tracking.config import TrackerConfig
+    from ..runs.offline import run_together
 
     recording = fill_in(args, BUILT_IN)
     if args.output is None:
         raise TrackerError("where the results go: give --output FOLDER")
+    bodies = by_body(args, recording)
     if args.from_run_bag is not None:
+        if len(bodies) > 1:
+            raise TrackerError("--from-run-bag: expected a run of one body, got a recording of several")
         _as_that_run(args)
-    rig, model = with_sources(load_rig(args.rig), dict(args.source)), load_model(args.model)
+    rig = with_sources(load_rig(args.rig), dict(args.source))
+    rig = rig.subset(args.cameras) if args.cameras else rig
     told: list[str] = []
 
     def tell(sentence: str) -> None:
         told.append(sentence)
         print(f"track: {sentence}", file=sys.stderr, flush=True)
 
-    summary = run_offline(
-        OfflineRun(
-            rig=rig.subset(args.cameras) if args.cameras else rig,
-            model=model,
-            config=load_config(args.config) if args.config else TrackerConfig(),
-            initial_state=load_state(args.initial_state, model) if args.initial_state else None,
-            occluders=load_model(args.occluders) if args.occluders else None,
-            bag=args.from_run_bag or args.bag,
-            from_run=args.from_run_bag is not None,
-            images=_source_options(args),
-            max_sets=args.max_sets,
-            smooth_s=_lag(args.smooth),
-            detection=_detection(args),
-            points=_points(args),
-            table=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table and args.from_run_bag else None,
-            person=place_of_person(args),
-            joint_states=_joint_states(args),
-            masks=args.masks,
-            masked_images=args.masked_images,
-            asked=named_options(args),
-        ),
-        args.output,
-        None if args.quiet else _Progress(),
-        tell,
+    runs = {name: _offline_run(own, rig) for name, (own, _) in bodies.items()}
+    outputs = {name: own.output for name, (own, _) in bodies.items()}
+    summaries = run_together(runs, outputs, None if args.quiet else _Progress(), tell)
+    statuses = []
+    for name, (own, alone) in bodies.items():
+        summary = summaries[name]
+        _report(summary, own.output, args.quiet, told, name)
+        told += summary["errors"]
+        untracked = nothing_tracked("track", summary["status_counts"], summary["reason"], own.initial_state is not None, name)
+        if summary["errors"]:
+            statuses.append(1)
+        elif alone is None:
+            statuses.append(untracked)
+        else:
+            statuses.append(evaluate_recording(alone, own, own.output, own.output) or untracked)
+    return next((status for status in statuses if status), 0)
+
+
+def _offline_run(args: argparse.Namespace, rig: CameraRig) -> OfflineRun:
+    """What the command line asks of one body."""
+    from ..loaders.keypoints.table import load_keypoint_table
+    from ..loaders.model.model_yaml import load_model
+    from ..loaders.model.state_yaml import load_state
+    from ..runs.config_file import load_config
+    from ..runs.offline import OfflineRun
+    from ..tracking.config import TrackerConfig
+
+    model = load_model(args.model)
+    return OfflineRun(
+        rig=rig,
+        model=model,
+        config=load_config(args.config) if args.config else TrackerConfig(),
+        initial_state=load_state(args.initial_state, model) if args.initial_state else None,
+        occluders=load_model(args.occluders) if args.occluders else None,
+        bag=args.from_run_bag or args.bag,
+        from_run=args.from_run_bag is not None,
+        images=_source_options(args),
+        max_sets=args.max_sets,
+        smooth_s=_lag(args.smooth),
+        detection=_detection(args),
+        points=_points(args),
+        table=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table and args.from_run_bag else None,
+        person=place_of_person(args),
+        joint_states=_joint_states(args),
+        masks=args.masks,
+        masked_images=args.masked_images,
+        asked=named_options(args),
     )
-    _report(summary, args.output, args.quiet, told)
-    untracked = nothing_tracked("track", summary["status_counts"], summary["reason"], args.initial_state is not None)
-    if summary["errors"]:
-        return 1
-    if recording is None:
-        return untracked
-    return evaluate_recording(recording, args, args.output, args.output) or untracked
 
 
 def _as_that_run(args: argparse.Namespace) -> None:
@@ -254,7 +271,7 @@ class _Progress:
         print(f"track: {text:<70}", end=end, file=sys.stderr, flush=True)
 
 
-def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str]) -> None:
+def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str], body: str) -> None:
     for error in (error for error in summary["errors"] if error not in told):
         print(f"track: {error}", file=sys.stderr)
     if quiet:
@@ -262,5 +279,5 @@ def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str])
     counts = ", ".join(f"{n} {name}" for name, n in summary["status_counts"].items() if n)
     ms = summary["ms_per_set"]
     time_text = f"; {ms['p50']:.1f} ms a set (95 %: {ms['p95']:.1f})" if ms["p50"] is not None else ""
-    print(f"{summary['image_sets']} image sets: {counts or 'none'}{time_text}")
+    print(f"{body and f'{body}: '}{summary['image_sets']} image sets: {counts or 'none'}{time_text}")
     print(f"results in {output}")

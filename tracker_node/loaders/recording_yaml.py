@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -137,13 +138,34 @@ class EvaluateEntry(FileModel):
     targets: tuple[str, ...] = ()
 
 
+class BodyEntry(FileModel):
+    """One of several bodies."""
+
+    model: str
+    initial_state: str | None = None
+    config: str | None = None
+    person: Place | None = None
+    evaluate: EvaluateEntry | None = None
+
+    @model_validator(mode="after")
+    def _one_start(self) -> BodyEntry:
+        if self.initial_state is not None and self.person is not None:
+            raise problem("either initial_state or person", "both", "person")
+        return self
+
+
+OF_ONE_BODY = ("model", "initial_state", "person", "joint_states", "evaluate")
+_BODY_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
 class RecordingFile(FileModel):
-    """A whole recording."""
+    """A whole recording, of one body (``model``) or of several that are followed together (``bodies``)."""
 
     KIND: ClassVar[str] = RECORDING
 
     rig: str
-    model: str
+    model: str | None = None
+    bodies: dict[str, BodyEntry] = Field(default_factory=dict)
     initial_state: str | None = None
     occluders: str | None = None
     config: str | None = None
@@ -160,10 +182,29 @@ class RecordingFile(FileModel):
     evaluate: EvaluateEntry | None = None
 
     @model_validator(mode="after")
+    def _one_or_several(self) -> RecordingFile:
+        if not self.bodies and self.model is None:
+            raise problem("the body to track, or bodies", "neither", "model")
+        for name in self.bodies:
+            if not _BODY_NAME.fullmatch(name):
+                raise problem("a name of letters, digits and _, beginning with a letter", name, "bodies")
+        for name in OF_ONE_BODY:
+            if self.bodies and getattr(self, name) is not None:
+                raise problem("nothing beside bodies, each of which has its own", getattr(self, name), name)
+        return self
+
+    @model_validator(mode="after")
     def _ends(self) -> RecordingFile:
         if self.loop and self.evaluate is not None:
             raise problem("no loop where the run is evaluated when it is over", self.loop, "loop")
         return self
+
+    def of_body(self, name: str) -> RecordingFile:
+        """The recording with one of its bodies alone, whose results go into a folder of its name."""
+        body = self.bodies[name]
+        own: dict[str, Any] = {field: getattr(body, field) for field in BodyEntry.model_fields}
+        own |= {"config": body.config or self.config, "output": os.path.join(self.output, name), "bodies": {}}
+        return self.model_copy(update=own)
 
     def sources_of(self, cameras: Iterable[str]) -> dict[str, str]:
         """Camera -> source, of the cameras whose sources are named here; a pattern is filled for each of ``cameras``."""
@@ -211,12 +252,21 @@ def located(recording: RecordingFile, path: str | Path) -> RecordingFile:
     if recording.joint_states is not None:
         file = _existing(path, "joint_states.file", recording.joint_states.file)
         changes["joint_states"] = recording.joint_states.model_copy(update={"file": file})
-    if recording.evaluate is not None:
-        entry = recording.evaluate
-        truth = tuple(_existing(path, "evaluate.truth", name) for name in entry.truth)
-        masks = _existing(path, "evaluate.masks", entry.masks)
-        changes["evaluate"] = entry.model_copy(update={"truth": truth, "masks": masks})
+    changes["evaluate"] = _located_evaluation(path, "evaluate", recording.evaluate)
+    changes["bodies"] = {name: _located_body(path, f"bodies.{name}", body) for name, body in recording.bodies.items()}
     return recording.model_copy(update=changes)
+
+
+def _located_body(path: str | Path, field: str, body: BodyEntry) -> BodyEntry:
+    files = {name: _existing(path, f"{field}.{name}", getattr(body, name)) for name in ("model", "initial_state", "config")}
+    return body.model_copy(update={**files, "evaluate": _located_evaluation(path, f"{field}.evaluate", body.evaluate)})
+
+
+def _located_evaluation(path: str | Path, field: str, entry: EvaluateEntry | None) -> EvaluateEntry | None:
+    if entry is None:
+        return None
+    truth = tuple(_existing(path, f"{field}.truth", name) for name in entry.truth)
+    return entry.model_copy(update={"truth": truth, "masks": _existing(path, f"{field}.masks", entry.masks)})
 
 
 def _existing(recording: str | Path, field: str, name: str | None) -> str | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..model.neighbors import Neighbor
 from .keypoints.people import People
 
 ENCODINGS = {"bgr8": 3, "rgb8": 3, "mono8": 1}
@@ -51,12 +52,14 @@ class ImageSet:
     """Images of one time step; cameras that gave none are absent.
 
     ``stamp_ns`` is the set's reference stamp (that of its earliest image); ``images`` is in the order of the rig.
-    ``joint_positions``: what a robot says of its joints at that stamp, radians or meters by the axis's name.
+    ``joint_positions``: what a robot says of its joints at that stamp, radians or meters by the axis's name. ``neighbors``:
+    other bodies that are followed in these images.
     """
 
     stamp_ns: int
     images: tuple[CameraImage, ...]
     joint_positions: Mapping[str, float] = field(default_factory=dict)
+    neighbors: tuple[Neighbor, ...] = ()
 
     def get(self, camera: str) -> CameraImage | None:
         for image in self.images:

@@ -1,7 +1,8 @@
-"""Fixed things in the scene that hide the body: their depth in each camera, rendered once and read pixel by pixel."""
+"""What may hide the body: fixed things, rendered once, and other bodies, rendered for each image set; read pixel by pixel."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -12,11 +13,17 @@ from ..camera.rig import Camera, CameraRig
 from ..compiled.kernels import compiled
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
+from ..model.neighbors import Neighbor
 from .contour.samples import DEPTH, NU, NV, U, V
-from .raycast.raycaster import render_labels, render_view
-from .renderer import Region
+from .raycast.raycaster import render_labels, render_view, render_where_seen
+from .renderer import Region, RenderedView
 
 NOTHING = np.empty((0, 0), dtype=np.float32)
+SAYS_NOTHING = 255  # label of a pixel in which another body stands before this one, or may
+PackedNeighbors = tuple[np.ndarray, np.ndarray]
+"""(h, w) uint8 of the image: 1 + color class of the other body that is seen there behind this one, 0 without, or `SAYS_NOTHING`;
+and (n_classes, n_colors) float32 densities of those classes. Of size zero where there are no others."""
+NO_NEIGHBORS: PackedNeighbors = np.zeros((0, 0), np.uint8), np.zeros((0, 0), np.float32)
 _TOUCH_M = 0.01  # what comes in less than this before the body does not hide it: feet stand on floors, hands lie on tables
 _AROUND_PX, _RIM_PX = 15, 3
 
@@ -29,35 +36,80 @@ class BodyRegion:
     ----------
     region : (u0, v0, u1, v1).
     labels : (h, w) uint8 on the region, as of `RenderedView`; 0 also where the body is hidden.
-    occlusion : (h, w) bool, mask: pixels of what hides the body, and of its border; None: nothing hides it.
+    occlusion : (h, w) bool, mask: pixels of what hides the body, of other bodies, and of their borders; None: nothing hides it.
     every : so many pixels a side have one label.
+    others : (h, w) bool, mask: pixels of other bodies, before or behind it, and of their borders; None without any.
     """
 
     region: Region
     labels: np.ndarray
     occlusion: np.ndarray | None = None
     every: int = 1
+    others: np.ndarray | None = None
 
 
 class Occluders:
-    """Depth of fixed things in every camera.
+    """What stands about in every camera.
 
     Parameters
     ----------
-    scene : their shapes, the root at the world's origin and joints neutral; None: nothing is in the way.
+    scene : fixed shapes, the root at the world's origin and joints neutral; None: nothing is in the way.
     rig : cameras that do not move.
 
     Attributes
     ----------
-    depths : per camera (h, w) float32 meters along the optical axis, infinite where nothing is; (0, 0) without a scene.
+    depths : per camera (h, w) float32 meters along the optical axis, infinite where nothing is; (0, 0) without anything.
+    neighbors : per camera, the other bodies, for kernels.
     """
 
     def __init__(self, scene: ArticulatedModel | None, rig: CameraRig):
-        self.depths: list[np.ndarray] = [NOTHING] * len(rig)
+        self._rig = rig
+        self._fixed: list[np.ndarray] = [NOTHING] * len(rig)
         if scene is not None:
             configuration = Configuration(scene, State.neutral(scene))
-            self.depths = [render_view(configuration, camera).depth for camera in rig]
+            self._fixed = [render_view(configuration, camera).depth for camera in rig]
+        self.depths, self.neighbors = list(self._fixed), [NO_NEIGHBORS] * len(rig)
+        self._boxes: list[Region] = [(0, 0, 0, 0)] * len(rig)  # where the neighbors are
         self._small: dict[tuple[int, int], tuple[CameraModel, CameraModel]] = {}
+
+    def show(self, neighbors: Sequence[Neighbor], own: Configuration | None) -> None:
+        """Have other bodies stand about, in place of those before; who holds ``depths`` and ``neighbors`` sees them.
+
+        Parameters
+        ----------
+        neighbors : where they are expected.
+        own : where this body is expected; None: it is not known.
+        """
+        for i, camera in enumerate(self._rig):
+            views = [(neighbor, render_where_seen(neighbor.body, camera)) for neighbor in neighbors]
+            drawn = [(neighbor, view) for neighbor, view in views if view is not None]
+            if drawn:
+                self._draw(i, camera, drawn, own)
+            else:
+                self.depths[i], self.neighbors[i] = self._fixed[i], NO_NEIGHBORS
+
+    def _draw(self, i: int, camera: Camera, drawn: list[tuple[Neighbor, RenderedView]], own: Configuration | None) -> None:
+        size, fixed = (camera.model.height, camera.model.width), self._fixed[i]
+        labels, depth = np.zeros(size, np.uint8), np.full(size, np.inf, np.float32)
+        colors: list[np.ndarray] = []
+        for neighbor, view in drawn:
+            known, table = neighbor.colors[i], np.full(256, SAYS_NOTHING, np.uint8)
+            if known is not None:
+                table[1 : len(neighbor.classes) + 1] = 1 + sum(map(len, colors)) + neighbor.classes
+                colors.append(known)
+            here, its_labels = _on(view.region), cv2.LUT(view.labels, table)
+            nearer = view.depth < depth[here]
+            depth[here][nearer], labels[here][nearer] = view.depth[nearer], its_labels[nearer]
+        for _, view in drawn:
+            here = _on(view.region)
+            before = depth[here] < _own_depth(own, camera, view.region) - _TOUCH_M
+            labels[here][before & (labels[here] > 0)] = SAYS_NOTHING
+        if fixed.size:
+            labels[fixed < depth] = 0
+        corners = np.array([view.region for _, view in drawn])
+        self._boxes[i] = (*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
+        self.depths[i] = np.minimum(depth, fixed) if fixed.size else depth
+        self.neighbors[i] = labels, np.concatenate(colors) if colors else NO_NEIGHBORS[1]
 
     def look(
         self, index: int, configuration: Configuration, camera: Camera, margin_px: int = 0, every: int = 1
@@ -87,13 +139,41 @@ class Occluders:
             return BodyRegion(region, labels, every=every)
         cover = depth[every // 2 :: every, every // 2 :: every][v0:v1, u0:u1]
         body = render_view(configuration, camera, found[0]).depth
-        hidden = (labels > 0) & (cover < body - _TOUCH_M)
+        hidden, rim = (labels > 0) & (cover < body - _TOUCH_M), -(-_RIM_PX // every)
+        others = None
+        if self.neighbors[index][0].size:
+            others = _grown(self.neighbors[index][0][every // 2 :: every, every // 2 :: every][v0:v1, u0:u1] > 0, rim)
         if not hidden.any():
-            return BodyRegion(region, labels, every=every)
+            return BodyRegion(region, labels, others, every, others)
         labels[hidden] = 0
         # The body is not exactly where it is expected: around what is hidden, whatever stands before it may hide it
         near = _grown(hidden, -(-_AROUND_PX // every)) & (cover < body[hidden].max())
-        return BodyRegion(region, labels, _grown(near, -(-_RIM_PX // every)), every)
+        occlusion = _grown(near, rim)
+        return BodyRegion(region, labels, occlusion if others is None else occlusion | others, every, others)
+
+    def with_neighbors(self, index: int, body: BodyRegion) -> BodyRegion:
+        """Where everybody is in one camera.
+
+        Parameters
+        ----------
+        index : of the camera in the rig.
+        body : of `look`.
+
+        Returns
+        -------
+        The region around all bodies, with labels that are not zero wherever one of them is.
+        """
+        shown, box, every = self.neighbors[index][0], self._boxes[index], body.every
+        if not shown.size:
+            return body
+        u0, v0, u1, v1 = (corner // every for corner in body.region)
+        first = min(u0, box[0] // every), min(v0, box[1] // every)
+        last = (max(u1, min(-(-box[2] // every), shown.shape[1] // every)),
+                max(v1, min(-(-box[3] // every), shown.shape[0] // every)))  # fmt: skip
+        labels = shown[every // 2 :: every, every // 2 :: every][first[1] : last[1], first[0] : last[0]].copy()
+        labels[v0 - first[1] : v1 - first[1], u0 - first[0] : u1 - first[0]] |= body.labels
+        region = first[0] * every, first[1] * every, last[0] * every, last[1] * every
+        return BodyRegion(region, labels, every=every)
 
     def _shrunk(self, index: int, lens: CameraModel, every: int) -> CameraModel:
         """A lens of every ``every``-th pixel of another one, from the middle of the first so many on."""
@@ -103,6 +183,32 @@ class Occluders:
             to_small = np.array([[1.0 / every, 0.0, shift], [0.0, 1.0 / every, shift]])
             known = self._small[index, every] = lens, lens.mapped(to_small, lens.width // every, lens.height // every)
         return known[1]
+
+
+def _on(region: Region) -> tuple[slice, slice]:
+    return slice(region[1], region[3]), slice(region[0], region[2])
+
+
+def _own_depth(own: Configuration | None, camera: Camera, region: Region) -> np.ndarray:
+    """(h, w) on a region of the image: how far the body is where it may be, its root elsewhere; infinite if it is not known.
+
+    The body is not exactly where it is expected: about it as near as it is close by.
+    """
+    depth = np.full((region[3] - region[1], region[2] - region[0]), np.inf, np.float32)
+    if own is None:
+        return depth
+    depth[:] = (camera.T_cam_world @ own.state.T_world_root[:, 3])[2]
+    view = render_where_seen(own, camera)
+    if view is not None:
+        u0, v0, u1, v1 = (max(region[0], view.region[0]), max(region[1], view.region[1]), min(region[2], view.region[2]),
+                          min(region[3], view.region[3]))  # fmt: skip
+        if u0 < u1 and v0 < v1:
+            near = cv2.erode(view.depth, np.ones((2 * _AROUND_PX + 1,) * 2, np.uint8))[_on((
+                u0 - view.region[0], v0 - view.region[1], u1 - view.region[0], v1 - view.region[1]
+            ))]  # fmt: skip
+            here = depth[_on((u0 - region[0], v0 - region[1], u1 - region[0], v1 - region[1]))]
+            here[:] = np.where(np.isfinite(near), near, here)
+    return depth
 
 
 def _grown(mask: np.ndarray, by_px: int) -> np.ndarray:

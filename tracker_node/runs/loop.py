@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import TrackerError
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
+from ..tracking.bodies import Bodies
 from ..tracking.estimate import Status, TrackEstimate
 
 
@@ -131,3 +132,22 @@ class TrackingLoop:
         except TrackerError:  # the images are of another size than its cameras
             return False
         return True
+
+
+class BodiesLoop:
+    """The loops of several bodies, which know of each other.
+
+    Parameters
+    ----------
+    bodies : says what each is to see of an image set.
+    loops : by the name of the body.
+    prepare : called before each step.
+    """
+
+    def __init__(self, bodies: Bodies, loops: Mapping[str, TrackingLoop], prepare: Callable[[ImageSet], ImageSet]):
+        self._bodies, self._loops, self._prepare = bodies, dict(loops), prepare
+
+    def step(self, image_set: ImageSet) -> dict[str, TrackEstimate]:
+        """Track an image set; the estimate of each body by its name."""
+        sets = self._bodies.sets_of(self._prepare(image_set))
+        return {name: loop.step(sets[name]) for name, loop in self._loops.items()}

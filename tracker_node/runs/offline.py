@@ -24,6 +24,7 @@ from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
 from ..observation.joint_states import JointStates
 from ..parallel import short_switches
+from ..tracking.bodies import Bodies
 from ..tracking.config import KEYPOINTS, REGION, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
@@ -32,13 +33,14 @@ from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, 
 from .images import run_stream
 from .joint_states import JointStateFile, check_use, load_joint_states, with_joint_states
 from .load import run_info
-from .loop import TrackingLoop
+from .loop import BodiesLoop, TrackingLoop
 from .people.detection import DetectionOptions, PeopleDetection
 from .people.recorded import PointFiles, RecordedPeople, open_recorded_people
 from .recorded_sets import RecordedRunStream
 from .writer import RunWriter, SmoothedWriter, asked_of_run, counted_sets
 
 Progress = Callable[[int, int | None, TrackEstimate], None]
+_BY_TROUBLE = (Status.TRACKING, Status.DEGRADED, Status.INITIALIZING, Status.LOST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,51 +166,108 @@ def run_offline(
     ------
     TrackerError : nothing can be tracked at all.
     """
+    return run_together({run.model.name: run}, {run.model.name: Path(output)}, progress, tell)[run.model.name]
+
+
+def run_together(
+    runs: Mapping[str, OfflineRun], outputs: Mapping[str, Path], progress: Progress | None = None,
+    tell: Callable[[str], None] = lambda sentence: None,
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """Track several bodies in the same images, each of which knows of the others; otherwise as `run_offline`.
+
+    Parameters
+    ----------
+    runs : by the name of the body; rig, images, points and detection are those of the first.
+    outputs : by the name of the body, the folder of its run, made here.
+    progress : called after each set, with the estimate of whichever body is worst off.
+    tell : see `run_offline`.
+
+    Returns
+    -------
+    By the name of the body, content of its ``run.json``.
+
+    Raises
+    ------
+    TrackerError : nothing can be tracked at all.
+    """
+    run = next(iter(runs.values()))
+    using = next((each for each in runs.values() if KEYPOINTS in each.config.modalities), run)
     with ExitStack() as stack:
         stack.enter_context(short_switches())
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
         rig, stream = _stream_of(run, reader)
-        recorded = _recorded_of(run, rig, stream)
+        recorded = _recorded_of(using, rig, stream)
         for sentence in (*stream.errors, *stream.notes):
             tell(sentence)
         backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
         table = run.table if recorded is None else recorded.table
-        tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)
-        if run.person is not None:
-            if run.initial_state is not None:
-                raise TrackerError("expected a place to search a person at (--person) or an initial state, got both")
-            tracker.reinitialize(run.person)
-        if run.smooth_s is not None and not tracker.in_information_units:
-            raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
-        joint_states = _joint_states_of(run)
-        detection = _detection_of(run, rig, reader) if recorded is None else recorded
-        writer = stack.enter_context(
-            RunWriter(
-                output, rig, run.model, masks=run.masks, masked_images=run.masked_images,
-                detector=_detector_name(run, detection),
-            )
-        )  # fmt: skip
-        writers = [writer.append]
-        if run.smooth_s is not None:
-            smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
-            writers.append(lambda estimate, image_set: smoothed.append(estimate))
+        detection = _detection_of(using, rig, reader) if recorded is None else recorded
+        bodies = {
+            name: _Followed(each, rig, backgrounds, table, outputs[name], _detector_name(each, detection), stack)
+            for name, each in runs.items()
+        }
+        together = Bodies({name: body.tracker for name, body in bodies.items()})
 
-        def prepared(tracker: Any, image_set: ImageSet) -> ImageSet:
-            image_set = image_set if joint_states is None else with_joint_states(joint_states, image_set)
-            return image_set if detection is None else detection.with_people(tracker, image_set)
+        def prepared(image_set: ImageSet) -> ImageSet:
+            return image_set if detection is None else detection.with_people(together, image_set)
 
-        if REGION in run.config.modalities:
+        if any(REGION in each.config.modalities for each in runs.values()):
             compile_ahead(show_progress)
-        loop = TrackingLoop(tracker, prepared)
-        record = _Record(run.model)
+        loop = BodiesLoop(together, {name: body.loop for name, body in bodies.items()}, prepared)
         try:
-            _track(run, loop, stream, writers, record, progress)
+            _track(run, loop, stream, bodies, progress)
         except TrackerError as error:
             stream.errors.append(str(error))
         finally:
-            summary = _summary(run, stream, record, detection)
-            writer.write_summary(summary)
-    return summary
+            summaries = {name: body.ended(stream, detection, list(runs)) for name, body in bodies.items()}
+    return summaries
+
+
+class _Followed:
+    """One body of a run: its tracker, and what is written of it."""
+
+    def __init__(
+        self, run: OfflineRun, rig: CameraRig, backgrounds: Mapping, table: KeypointTable | None, output: Path,
+        detector: str | None, stack: ExitStack,
+    ):  # fmt: skip
+        self._run = run
+        self.tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)
+        if run.person is not None:
+            if run.initial_state is not None:
+                raise TrackerError("expected a place to search a person at (--person) or an initial state, got both")
+            self.tracker.reinitialize(run.person)
+        if run.smooth_s is not None and not self.tracker.in_information_units:
+            raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
+        self._joint_states = _joint_states_of(run)
+        self.loop = TrackingLoop(self.tracker, None if self._joint_states is None else self._with_joint_states)
+        self._writer = stack.enter_context(
+            RunWriter(output, rig, run.model, masks=run.masks, masked_images=run.masked_images, detector=detector)
+        )
+        self._smoothed: SmoothedWriter | None = None
+        if run.smooth_s is not None:
+            self._smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
+        self._record = _Record(run.model)
+
+    def _with_joint_states(self, tracker: Any, image_set: ImageSet) -> ImageSet:
+        assert self._joint_states is not None
+        return with_joint_states(self._joint_states, image_set)
+
+    def take(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
+        """Write what has been made of an image set."""
+        self._writer.append(estimate, self.loop.tracked_set or image_set)
+        if self._smoothed is not None:
+            self._smoothed.append(estimate)
+        self._record.add(estimate)
+
+    def ended(
+        self, stream: ImageSetStream, detection: PeopleDetection | RecordedPeople | None, bodies: Sequence[str]
+    ) -> dict[str, Any]:
+        """Write and return the summary."""
+        summary = _summary(self._run, stream, self._record, detection)
+        if len(bodies) > 1:
+            summary["bodies"] = list(bodies)
+        self._writer.write_summary(summary)
+        return summary
 
 
 def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, ImageSetStream]:
@@ -305,21 +364,15 @@ class _Record:
 
 
 def _track(
-    run: OfflineRun,
-    loop: TrackingLoop,
-    stream: ImageSetStream,
-    writers: Sequence[Callable[[TrackEstimate, ImageSet], None]],
-    record: _Record,
-    progress: Progress | None,
+    run: OfflineRun, loop: BodiesLoop, stream: ImageSetStream, bodies: Mapping[str, _Followed], progress: Progress | None
 ) -> None:
-    for image_set in stream:
-        estimate = loop.step(image_set)
-        for write in writers:
-            write(estimate, loop.tracked_set or image_set)
-        record.add(estimate)
+    for n, image_set in enumerate(stream, 1):
+        estimates = loop.step(image_set)
+        for name, estimate in estimates.items():
+            bodies[name].take(estimate, image_set)
         if progress is not None:
-            progress(len(record.stamps_ns), stream.n_expected, estimate)
-        if run.max_sets is not None and len(record.stamps_ns) >= run.max_sets:
+            progress(n, stream.n_expected, max(estimates.values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status)))
+        if run.max_sets is not None and n >= run.max_sets:
             return
 
 

@@ -23,7 +23,7 @@ from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 from .assessment import Assessment, Report, inverse_covariance
 from .config import JointConfig
 from .estimate import LimbStatus, Status
-from .modality import Images, Modality, PeopleSeen, Persons
+from .modality import Images, Modality, PartColors, PeopleSeen, Persons
 from .motion.model import ExposureDelays
 
 _NO_WORSE, _AS_GOOD = 1.1, 0.01  # times, and beyond, its own best score, to which the first agrees with the second
@@ -113,6 +113,36 @@ class Finds(Protocol):
         ...
 
 
+class Claims(Protocol):
+    """Says who of the people in the images may be the body, where several bodies are followed."""
+
+    def claims(self, people: PeopleSeen, expected: State) -> list[np.ndarray]:
+        """How well everybody suits a body where it is expected.
+
+        Parameters
+        ----------
+        people, expected : whom a detector has found, by camera; the body.
+
+        Returns
+        -------
+        By camera (n_people,) log-likelihood ratios; minus infinity of those who are not the body.
+        """
+        return []
+
+    def candidates(self, people: PeopleSeen, near: np.ndarray | None = None) -> list[tuple[State, float]]:
+        """Where the body may begin.
+
+        Parameters
+        ----------
+        people, near : of `Finds.find`.
+
+        Returns
+        -------
+        States, and what each point costs in them, in information units; those nearest to a place first.
+        """
+        return []
+
+
 class Solver(Fits, Protocol):
     """Finds the state of a body in the present images: stages of fits, and searches for what they do not reach.
 
@@ -157,7 +187,7 @@ class Judge(Assesses, Protocol):
         return
 
 
-class Choice(Finds, Protocol):
+class Choice(Finds, Claims, Protocol):
     """Chooses who of the people in the images is the body."""
 
     def reset(self) -> None:
@@ -179,7 +209,7 @@ class Choice(Finds, Protocol):
         ...
 
 
-class AnyEngine(Fits, Assesses, Finds, Protocol):
+class AnyEngine(Fits, Assesses, Finds, Claims, Protocol):
     """Finds a body near a state in the images of one set; deterministic in what it has been given since `reset`.
 
     Attributes
@@ -193,6 +223,11 @@ class AnyEngine(Fits, Assesses, Finds, Protocol):
     @property
     def surfaces(self) -> np.ndarray | None:
         """(n_shapes, 4) meters: where the surface of each part is beside its shape; None where no modality follows that."""
+        return None
+
+    @property
+    def colors(self) -> PartColors | None:
+        """What the body looks like; None where no modality learns that."""
         return None
 
     def reset(self) -> None:
@@ -296,6 +331,10 @@ class Engine(AnyEngine):
     def surfaces(self) -> np.ndarray | None:
         return next((modality.surfaces for modality in self.modalities if modality.surfaces is not None), None)
 
+    @property
+    def colors(self) -> PartColors | None:
+        return next((modality.colors for modality in self.modalities if modality.colors is not None), None)
+
     def reset(self) -> None:
         for modality in self.modalities:
             modality.reset()
@@ -350,6 +389,12 @@ class Engine(AnyEngine):
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         return None if self.choice is None else self.choice.find(people, near)
 
+    def claims(self, people: PeopleSeen, expected: State) -> list[np.ndarray]:
+        return [] if self.choice is None else self.choice.claims(people, expected)
+
+    def candidates(self, people: PeopleSeen, near: np.ndarray | None = None) -> list[tuple[State, float]]:
+        return [] if self.choice is None else self.choice.candidates(people, near)
+
     def support(self, images: Images, state: State) -> float | None:
         self.observe(images, state)
         return self.solver.support(state)
@@ -402,6 +447,10 @@ class SequentialEngine(AnyEngine):
         self._delays: ExposureDelays | None = None
         self._waiting = True
         self._lost, self._jumped = True, False
+
+    @property
+    def colors(self) -> PartColors | None:
+        return self._second.colors
 
     def reset(self) -> None:
         self._first.reset()

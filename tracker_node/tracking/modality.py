@@ -19,6 +19,9 @@ PeopleSeen = Sequence[People | None]
 Persons = Sequence[Person | None]
 """The body as a detector has found it in each camera of the rig, None where it has not; empty where no detector is used."""
 
+PartColors = tuple[np.ndarray, Sequence[np.ndarray | None]]
+"""(n_shapes,) color class of every part; per camera of the rig (n_classes, n_colors) densities, None where they are not known."""
+
 
 class Modality(Protocol):
     """Evidence of one kind in the images of one set; deterministic in what it has been given since `reset`.
@@ -29,6 +32,11 @@ class Modality(Protocol):
     @property
     def surfaces(self) -> np.ndarray | None:
         """(n_shapes, 4) meters: where the surface of each part is beside its shape; None where that is not followed."""
+        return None
+
+    @property
+    def colors(self) -> PartColors | None:
+        """What the body looks like; None where that is not learned."""
         return None
 
     def reset(self) -> None:

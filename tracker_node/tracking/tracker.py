@@ -16,6 +16,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import State, configured
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..model.kinematic_chain import N_ROOT_DOF
+from ..model.neighbors import Neighbor
 from ..objective.constraints.prior import Prior
 from ..observation.exposure import Exposures
 from ..observation.image_set import ImageSet
@@ -104,6 +105,7 @@ class Tracker:
     initial_state : where the body is in the first image set; None: it is detected in the images (`config.initialization`), unless
         `set_state` is called before.
     occluders : fixed things that may hide the body from a camera (root at the world's origin, joints neutral); contours only.
+        Trackers of the same body share theirs, and `ImageSet.neighbors` with them.
     keypoints : what a detector's points are on the body; None: those of BlazePose on the human.
 
     Raises
@@ -120,16 +122,17 @@ class Tracker:
         config: TrackerConfig | None = None,
         backgrounds: Mapping[str, np.ndarray | list] | None = None,
         initial_state: State | None = None,
-        occluders: ArticulatedModel | None = None,
+        occluders: ArticulatedModel | Occluders | None = None,
         keypoints: KeypointTable | None = None,
     ):
         check_metres(rig.cameras, body_size(model))
         self.rig, self.model = rig, model
         self.config = config = checked_combination(config or TrackerConfig(), "tracker config")
         self._initial_state, backgrounds, keypoints = initial_state, backgrounds or {}, keypoints or BLAZEPOSE
+        self._occluders = shared = occluders if isinstance(occluders, Occluders) else Occluders(occluders, rig)
 
         def engine() -> AnyEngine:
-            return make_engine(rig, model, config, backgrounds, Occluders(occluders, rig), keypoints)
+            return make_engine(rig, model, config, backgrounds, shared, keypoints)
 
         self._track = _Track(engine(), MotionModel(model.chain, config.motion), None)
         self._initializer: Initializer | None = None
@@ -137,7 +140,7 @@ class Tracker:
             follower = replace(config, initialization=replace(config.initialization, enabled=False))
             self._initializer = Initializer(
                 rig, model, config.initialization, backgrounds, Workers(config.threads), engine,
-                lambda: Tracker(rig, model, follower, backgrounds, None, occluders, keypoints),
+                lambda: Tracker(rig, model, follower, backgrounds, None, shared, keypoints),
             )  # fmt: skip
         self._check, self._frozen = SelfCheck(rig, model, _check_options(config)), FrozenCameras(rig, model)
         self._blinded, self._exposures = BlindedCameras(rig.names), Exposures(len(rig))
@@ -232,6 +235,7 @@ class Tracker:
             if track.lost or track.unproven:
                 initializer.watch(images)
             return None
+        self._occluders.show(image_set.neighbors, None)
         found = initializer.find(images, image_set, track.start, lambda states: self._supported(images, states))
         if found is None:
             if not initializer.busy and track.start is not None and not track.lost:
@@ -267,7 +271,7 @@ class Tracker:
         least = max(gain, 0.0)  # of somebody else the colors say less than nothing
         return [state for state in states if (engine.support(images, state) or 0.0) > least]
 
-    def expected_crops(self, stamp_ns: int) -> list[Crop | None]:
+    def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]:
         """Where a detector of people should look for the body.
 
         Parameters
@@ -276,13 +280,61 @@ class Tracker:
 
         Returns
         -------
-        A square in the image of each camera of the rig; None where the body is not known or not expected to be seen: the detector
+        A square in the image of each camera of the rig; none where the body is not known or not expected to be seen: the detector
         is to look at the whole image.
         """
+        expected = self.expected(stamp_ns)
+        crops = [None] * len(self.rig) if expected is None else crops_of(self.model, self.rig, expected)
+        return [() if crop is None else (crop,) for crop in crops]
+
+    def expected(self, stamp_ns: int) -> State | None:
+        """Where the body is expected at a stamp; None where it is not known, or LOST."""
         prediction = self._track.motion.predict(stamp_ns)
         if self._track.lost or (prediction is None and self._track.start is None):
-            return [None] * len(self.rig)
-        return crops_of(self.model, self.rig, self._expected(prediction))
+            return None
+        return self._expected(prediction)
+
+    def as_neighbor(self, stamp_ns: int) -> Neighbor | None:
+        """The body as others in the same images have to know it; None where it is not known, or LOST."""
+        expected = self.expected(stamp_ns)
+        if expected is None:
+            return None
+        unknown = np.zeros(len(self.model.shapes), np.int32), [None] * len(self.rig)
+        return Neighbor(configured(self.model, expected), *(self._track.engine.colors or unknown))
+
+    def people_of(self, image_set: ImageSet) -> PeopleSeen:
+        """Whom a detector has found in the images of a set, as the body's modalities take them; empty where none does."""
+        return () if self._late is None else self._late.in_time(image_set)
+
+    def claims(self, people: PeopleSeen, expected: State) -> list[np.ndarray]:
+        """How well everybody suits the body where it is expected.
+
+        Parameters
+        ----------
+        people : of `people_of`.
+        expected : of the body.
+
+        Returns
+        -------
+        By camera (n_people,) log-likelihood ratios; minus infinity of those who are not the body. Empty without points.
+        """
+        return self._track.engine.claims(people, expected)
+
+    def candidates(self, people: PeopleSeen) -> list[tuple[State, float]]:
+        """Where the body may begin.
+
+        Parameters
+        ----------
+        people : of `people_of`.
+
+        Returns
+        -------
+        States, and by what less likely ones are more: meters from where the body is wanted, or else what each point costs.
+        """
+        found = self._track.engine.candidates(people, self._near)
+        if self._near is None:
+            return found
+        return [(state, float(np.linalg.norm(state.T_world_root[:3, 3] - self._near))) for state, _ in found]
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set, and learn from it."""
@@ -360,6 +412,7 @@ class Tracker:
         prediction = self._predicted(image_set)
         predicted = self._expected(prediction)
         waiting = first and track.start is None
+        self._show(image_set, None if waiting else predicted)
         start = engine.begin(images, predicted, people=people) if first and not waiting else predicted
         engine.observe(images, None if waiting else start, self._delays(image_set, prediction), people)
         observed = time.perf_counter()
@@ -380,6 +433,11 @@ class Tracker:
         if self._late is not None:
             self._late.add(PastSet(image_set, people, before))
         return _Step(fit, prior, assessment, information, observed, fitted)
+
+    def _show(self, image_set: ImageSet, expected: State | None) -> None:
+        """Have other bodies stand about this one."""
+        own = configured(self.model, expected) if expected is not None and image_set.neighbors else None
+        self._occluders.show(image_set.neighbors, own)
 
     def _predicted(self, image_set: ImageSet) -> Prediction | None:
         """What is expected of an image set before its images are looked at: by those before, and by the robot's joint states."""
@@ -465,6 +523,7 @@ class Tracker:
         prediction = self._predicted(image_set)
         assert prediction is not None
         predicted, prior = self._expected(prediction), prediction.prior()
+        self._show(image_set, predicted)
         track.engine.observe(self._images(image_set), predicted, self._delays(image_set, prediction), past.people)
         fit = track.engine.refit(predicted, prior)
         track.start = fit.state

@@ -27,7 +27,7 @@ class Counting:
 
 class Expecting:
     def expected_crops(self, stamp_ns):
-        return [CROP, None]
+        return [(CROP,), ()]
 
 
 def person(at, silhouette=None):

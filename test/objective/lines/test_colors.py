@@ -7,6 +7,7 @@ import pytest
 
 from tracker_node.objective.lines import colors as lc
 from tracker_node.objective.lines.table import BEFORE, BEHIND, LONGEST, N_LINE_COLUMNS, N_PLAN_COLUMNS, OWN
+from tracker_node.render.occluders import NO_NEIGHBORS, SAYS_NOTHING
 
 f32, u32 = np.float32, np.uint32
 
@@ -96,17 +97,18 @@ NO_ROOM = np.zeros((0, 0), dtype=u32)
 NO_SHAPE = np.zeros((0, 0), dtype=np.uint8), np.ones(256, dtype=f32)
 
 
-def read(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0, silhouette=NO_SHAPE):
+def read(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0, silhouette=NO_SHAPE, neighbors=NO_NEIGHBORS):
     """Log-odds of one line that is the second of two, the first being left alone."""
     lines, plans = np.zeros((2, N_LINE_COLUMNS)), np.full((2, N_PLAN_COLUMNS), -1, dtype=np.int32)
     lines[1, 3:7], plans[1, [OWN, BEHIND, BEFORE]] = (u, v, nu, nv), plan
     odds = np.full((2, LONGEST), 99.0, dtype=f32)
-    lc.read_lines(IMAGE, BODY, SCENE, (room, 20.0), silhouette, f32(0.4), f32(clamp), scale, half, lines, plans, 2, odds)
+    room = room, 20.0
+    lc.read_lines(IMAGE, BODY, SCENE, room, silhouette, neighbors, f32(0.4), f32(clamp), scale, half, lines, plans, 2, odds)
     assert np.all(odds[0] == 99.0)
     return odds[1, : plan[2] + 2 * half]
 
 
-def naive(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0, silhouette=NO_SHAPE):
+def naive(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0, silhouette=NO_SHAPE, neighbors=NO_NEIGHBORS):
     """The same by its words: 2 half pixels about the sample, and those before them, each the nearest to its place."""
     own, behind, before = plan
     found = []
@@ -118,8 +120,13 @@ def naive(u, v, nu, nv, plan, scale=1.0, half=3, room=NO_ROOM, clamp=3.0, silhou
             continue
         b, g, r = (int(c) for c in IMAGE[i, j])
         kind = b // 16 * 256 + g // 16 * 16 + r // 16
-        other = float(SCENE[kind])
-        if room.size:
+        other, label = float(SCENE[kind]), int(neighbors[0][i, j]) if neighbors[0].size else 0
+        if label == SAYS_NOTHING:
+            found.append(0.0)
+            continue
+        if label:
+            other = float(neighbors[1][label - 1, kind])
+        elif room.size:
             other = float(lc.other_density(bgr_word(b, g, r), room[i, j], SCENE[kind], f32(0.025), f32(0.4)))
         if silhouette[0].size:
             other *= float(silhouette[1][silhouette[0][i, j]])
@@ -146,6 +153,19 @@ def test_a_silhouette_changes_the_odds_of_the_scene_alone(plan):
     found = read(*at, silhouette=(shown, against))
     np.testing.assert_allclose(found, naive(*at, silhouette=(shown, against)), atol=1e-4)
     assert np.abs(found - read(*at)).max() > 0.2
+
+
+@pytest.mark.parametrize("plan", [(0, -1, 0), (0, 1, 0)])
+def test_another_body_stands_in_the_place_of_the_scene(plan):
+    """Whatever is known of the background behind it; one that stands before this body leaves nothing to be told."""
+    who = RNG.integers(0, 3, IMAGE.shape[:2], dtype=np.uint8)
+    who[RNG.uniform(size=who.shape) < 0.3] = SAYS_NOTHING
+    known = (IMAGE.astype(u32) * np.array([1, 256, 65536], dtype=u32)).sum(axis=2, dtype=u32) | u32(5 << 24)
+    given = {"neighbors": (who, RNG.uniform(0.1, 2.0, (2, 4096)).astype(f32)), "room": known, "half": 12}
+    at = (20.2, 10.3, 0.6, 0.8, plan)
+    found = read(*at, **given)
+    np.testing.assert_allclose(found, naive(*at, **given), atol=2e-4)
+    assert (found == 0.0).any() and np.abs(found).max() > 0.2
 
 
 def test_log_odds_are_clamped_on_both_sides():

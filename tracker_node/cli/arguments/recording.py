@@ -57,15 +57,55 @@ def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingF
     for name, value in values.items():
         if hasattr(args, name) and getattr(args, name) is None:
             setattr(args, name, value)
-    if args.rig is None or args.model is None:
+    several = recording is not None and bool(recording.bodies)
+    if args.rig is None or (args.model is None and not several):
         raise TrackerError("what is tracked: give a recording.yaml, or --rig and --model")
-    if recording is not None and recording.evaluate is not None:
-        from ...evaluation.recording_entry import check_evaluation
-        from ...loaders.model.model_yaml import load_model
+    for name, (own, of_body) in by_body(args, recording).items():
+        if of_body is not None and of_body.evaluate is not None:
+            from ...evaluation.recording_entry import check_evaluation
+            from ...loaders.model.model_yaml import load_model
 
-        model = load_model(args.model) if recording.evaluate.truth else None
-        check_evaluation(args.recording, recording.evaluate, model)
+            where = f"{args.recording}, bodies.{name}" if name else args.recording
+            check_evaluation(where, of_body.evaluate, load_model(own.model) if of_body.evaluate.truth else None)
     return recording
+
+
+def by_body(
+    args: argparse.Namespace, recording: RecordingFile | None
+) -> dict[str, tuple[argparse.Namespace, RecordingFile | None]]:
+    """The command line, and the recording, as if each of several bodies were alone.
+
+    Parameters
+    ----------
+    args, recording : of `fill_in`.
+
+    Returns
+    -------
+    By the name of the body; "" where there is only one.
+
+    Raises
+    ------
+    TrackerError : the command line names what each body has of its own.
+    """
+    from ...errors import TrackerError
+    from ...loaders.recording_yaml import OF_ONE_BODY
+
+    if recording is None or not recording.bodies:
+        return {"": (args, recording)}
+    for name in OF_ONE_BODY:
+        if getattr(args, name, None) is not None:
+            bodies = ", ".join(recording.bodies)
+            raise TrackerError(f"--{name.replace('_', '-')}: expected nothing beside several bodies ({bodies})")
+    found: dict[str, tuple[argparse.Namespace, RecordingFile | None]] = {}
+    for name, entry in recording.bodies.items():
+        alone = recording.of_body(name) if not args.no_evaluate else recording.of_body(name).model_copy(update={"evaluate": None})
+        own = argparse.Namespace(**vars(args))
+        own.model, own.person = Path(entry.model), None if entry.person is None else list(entry.person)
+        own.initial_state = None if entry.initial_state is None else Path(entry.initial_state)
+        own.config = Path(entry.config) if entry.config else args.config
+        own.output = None if args.output is None else Path(args.output) / name
+        found[name] = own, alone
+    return found
 
 
 def _values(recording: RecordingFile) -> dict[str, Any]:

@@ -37,7 +37,7 @@ EX_NOTHING_TRACKED = 3
 TRACKED = ("TRACKING", "DEGRADED")
 
 
-def nothing_tracked(verb: str, counts: Mapping[str, int], reason: str, state_given: bool) -> int:
+def nothing_tracked(verb: str, counts: Mapping[str, int], reason: str, state_given: bool, body: str = "") -> int:
     """Say so where the body is tracked in no image set.
 
     Parameters
@@ -46,6 +46,7 @@ def nothing_tracked(verb: str, counts: Mapping[str, int], reason: str, state_giv
     counts : image sets by the name of their status.
     reason : what most of them say; may be empty.
     state_given : whether the run began with a state.
+    body : name of one of several.
 
     Returns
     -------
@@ -66,7 +67,7 @@ def nothing_tracked(verb: str, counts: Mapping[str, int], reason: str, state_giv
     else:
         what = f"the body was found in none of {n} image sets" + (f" ({reason})" if reason else "")
         what += f": {_next_step(state_given)}"
-    print(f"tracker_node {verb}: {what}", file=sys.stderr)
+    print(f"tracker_node {verb}: {body and f'{body}: '}{what}", file=sys.stderr)
     return EX_NOTHING_TRACKED
 
 

@@ -150,7 +150,10 @@ def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:
     """
     from ...errors import FileFormatError
 
-    offline = {"keypoints.files": recording.keypoints.files, "person": recording.person, "joint_states": recording.joint_states}
+    offline = {
+        "bodies": ", ".join(recording.bodies) or None, "keypoints.files": recording.keypoints.files, "person": recording.person,
+        "joint_states": recording.joint_states,
+    }  # fmt: skip
     for name, value in offline.items():
         if value is not None:
             raise FileFormatError(args.recording, name, "nothing: it is for tracker_node track", value)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...compiled.kernels import compiled
 from ...observation.appearance_kernels import log_positive
+from ...render.occluders import SAYS_NOTHING
 from ..lines.colors import other_density
 
 _DARK = np.float32(30.0)  # added to an intensity, so that the hue of dark pixels, which is noise, counts little
@@ -13,7 +14,7 @@ _HUE = np.float32(255.0)
 
 
 @compiled
-def fill_log_ratios(bgr, log_body, scene, room, silhouette, darkest, step, clamp, region, maps):
+def fill_log_ratios(bgr, log_body, scene, room, silhouette, neighbors, darkest, step, clamp, region, maps):
     """Fill maps with the mean log(p_class / p_scene) of the colors in each cell of an image.
 
     Cells are ``bgr.shape[0] // h`` pixels high, or a little more.
@@ -22,7 +23,7 @@ def fill_log_ratios(bgr, log_body, scene, room, silhouette, darkest, step, clamp
     ----------
     bgr : (height, width, 3) uint8.
     log_body : (n_colors, n_classes) log densities.
-    scene, room, silhouette, darkest : as in `lines.colors.read_lines`.
+    scene, room, silhouette, neighbors, darkest : as in `lines.colors.read_lines`.
     step : every n-th pixel of a cell is read, in both directions.
     clamp : largest absolute log-ratio of a pixel.
     region : (u0, v0, u1, v1) cells that are filled.
@@ -32,6 +33,7 @@ def fill_log_ratios(bgr, log_body, scene, room, silhouette, darkest, step, clamp
     cell = np.empty(n_classes, dtype=np.float32)
     pixels, least_variance = room
     shown, against = silhouette
+    who, their_colors = neighbors
     most = np.float32(0.5 / least_variance)
     rows, columns = bgr.shape[0] / height, bgr.shape[1] / width
     for i in range(region[1], region[3]):
@@ -45,12 +47,17 @@ def fill_log_ratios(bgr, log_body, scene, room, silhouette, darkest, step, clamp
                     b, g, r = np.uint32(bgr[v, u, 0]), np.uint32(bgr[v, u, 1]), np.uint32(bgr[v, u, 2])
                     color = (np.int64(b >> 4) << 8) | np.int64(g & 0xF0) | np.int64(r >> 4)
                     mean = pixels[v, u] if pixels.size > 0 else np.uint32(0)
+                    of_scene, label = scene[color], np.int64(who[v, u]) if who.size > 0 else np.int64(0)
+                    count += 1
+                    if label == SAYS_NOTHING:
+                        continue
+                    if label > 0:
+                        mean, of_scene = np.uint32(0), their_colors[label - 1, color]
                     packed = b | (g << np.uint32(8)) | (r << np.uint32(16))
-                    density = other_density(packed, mean, scene[color], most, np.float32(darkest))
+                    density = other_density(packed, mean, of_scene, most, np.float32(darkest))
                     other = log_positive(density * against[shown[v, u]] if shown.size > 0 else density)
                     for k in range(n_classes):
                         cell[k] += min(max(log_body[color, k] - other, -clamp), clamp)
-                    count += 1
             for k in range(n_classes):
                 maps[k, i, j] = cell[k] / np.float32(count)
 

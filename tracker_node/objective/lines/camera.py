@@ -25,7 +25,7 @@ def correspond_camera(
 
     Parameters
     ----------
-    view : (bgr, densities, room, silhouette) of `draw_lines`.
+    view : (bgr, densities, room, silhouette, neighbors) of `draw_lines`.
     cover : (h, w) depth of what stands before the body, of size zero where nothing does.
     classes : (n_shapes,) color classes.
     shapes, bounds : `ShapeArrays.packed`, `ShapeArrays.bounds`.
@@ -40,7 +40,7 @@ def correspond_camera(
     -------
     Number of lines.
     """
-    bgr, densities, room, silhouette = view
+    bgr, densities, room, silhouette, neighbors = view
     rows, pixels, info, lines = slot
     spheres = np.empty((Ts_shape.shape[0], 4))
     world_spheres(Ts_shape, bounds, spheres)
@@ -49,8 +49,8 @@ def correspond_camera(
     if cover.size:
         n = drop_covered(cover, rows, pixels, info, n, 0.5 * outward_px)
     draw_lines(
-        bgr, densities, room, silhouette, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options,
-        lines,
+        bgr, densities, room, silhouette, neighbors, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n,
+        options, lines,
     )  # fmt: skip
     if surfaces.size:
         shift_means(lines, info, n, Ts_link, camera, surfaces)

@@ -14,6 +14,7 @@ from ...compiled.kernels import compiled
 from ...observation.appearance import BINS
 from ...observation.appearance_kernels import log_positive
 from ...observation.region.background import LOG_STEP
+from ...render.occluders import SAYS_NOTHING
 from .table import BEFORE, BEHIND, LINE_NU, LINE_NV, LINE_U, LINE_V, LONGEST, OWN
 
 _BLOCK = 16  # pixels that are worked out at once; divides `LONGEST`
@@ -75,7 +76,7 @@ def other_density(color, mean, of_scene, most, darkest):
 
 
 @compiled
-def read_lines(bgr, body, scene, room, silhouette, darkest, clamp, scale, half, lines, plan, n, odds):
+def read_lines(bgr, body, scene, room, silhouette, neighbors, darkest, clamp, scale, half, lines, plan, n, odds):
     """Fill the clamped log(p_body / p_beyond) of each line's pixels; zero beyond the image.
 
     After the pixels before them, a line has 2 ``half`` about its sample, ``scale`` pixels apart.
@@ -86,6 +87,8 @@ def read_lines(bgr, body, scene, room, silhouette, darkest, clamp, scale, half, 
     body, scene : (n_classes, n_colors) and (n_colors,) densities per color bin.
     room : packed background, of size zero where nothing is known of it.
     silhouette : `observation.region.silhouette.PackedSilhouette`, of size zero where there is none.
+    neighbors : `render.occluders.PackedNeighbors`: another body in the place of the scene; one that stands before this one leaves
+        nothing to be told.
     darkest : fraction of the background's brightness below which a pixel is no shadow.
     clamp : largest absolute log-ratio.
     scale, half : pixels from place to place, and places on either side.
@@ -99,7 +102,9 @@ def read_lines(bgr, body, scene, room, silhouette, darkest, clamp, scale, half, 
     ours, scenes = np.ones(LONGEST, dtype=np.float32), np.ones(LONGEST, dtype=np.float32)
     beyonds, againsts = np.zeros(LONGEST, dtype=np.float32), np.ones(LONGEST, dtype=np.float32)
     shown, against = silhouette
-    has_silhouette = shown.size > 0
+    who, their_colors = neighbors
+    has_silhouette, has_neighbors = shown.size > 0, who.size > 0
+    says = np.ones(LONGEST, dtype=np.float32)
     for line in range(n):
         own, behind, before = plan[line, OWN], plan[line, BEHIND], plan[line, BEFORE]
         nu, nv = lines[line, LINE_NU], lines[line, LINE_NV]
@@ -118,13 +123,18 @@ def read_lines(bgr, body, scene, room, silhouette, darkest, clamp, scale, half, 
             beyonds[k] = body[behind, kind] if behind >= 0 else _ZERO
             rooms[k] = pixels[i, j] if has_room else np.uint32(0)
             againsts[k] = against[shown[i, j]] if has_silhouette else _ONE
+            if has_neighbors:
+                label = np.int64(who[i, j])
+                says[k] = _ZERO if label == SAYS_NOTHING else _ONE
+                if 0 < label < SAYS_NOTHING:
+                    rooms[k], scenes[k] = np.uint32(0), their_colors[label - 1, kind]
         weight = _HALF if behind >= 0 else _ONE
         for block in range(np.uint64((count + _BLOCK - 1) // _BLOCK)):
             for place in range(np.uint64(_BLOCK)):
                 at = block * np.uint64(_BLOCK) + place
                 other = other_density(colors[at], rooms[at], scenes[at], most, darkest)
                 other = weight * other * againsts[at] + (_ONE - weight) * beyonds[at]
-                odds[line, at] = min(max(log_positive(ours[at] / other), -clamp), clamp)
+                odds[line, at] = says[at] * min(max(log_positive(ours[at] / other), -clamp), clamp)
         for k in range(first):
             odds[line, k] = _ZERO
         for k in range(last, count):

@@ -128,7 +128,8 @@ def _fit_creases(bgr, chords, info, n, half, scale, lines):
 
 @compiled
 def draw_lines(
-    bgr, colors, room, silhouette, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options, lines
+    bgr, colors, room, silhouette, neighbors, classes, shapes, Ts_shape, spheres, Ts_link, camera, rows, pixels, info, n, options,
+    lines,
 ):  # fmt: skip
     """Draw one line per contour sample and fit its distribution.
 
@@ -139,7 +140,7 @@ def draw_lines(
     ----------
     bgr : (h, w, 3) uint8.
     colors : (body (n_classes, n_colors), scene (n_colors,)) densities.
-    room, silhouette : see `colors.read_lines`.
+    room, silhouette, neighbors : see `colors.read_lines`.
     classes, shapes, Ts_shape : see `lines.camera.correspond_camera`.
     spheres : of `contour.world_spheres`.
     Ts_link, camera : (n_links, 4, 4), and (params, R, t, center).
@@ -161,8 +162,8 @@ def draw_lines(
     _plan(shapes, Ts_shape, spheres, camera, rows, pixels, info, n, chords, classes, half, scale, plan)
     odds = np.empty((n, LONGEST), dtype=np.float32)
     read_lines(
-        bgr, body, scene, room, silhouette, np.float32(options[SHADOW]), np.float32(options[CLAMP]), scale, half, lines, plan, n,
-        odds,
+        bgr, body, scene, room, silhouette, neighbors, np.float32(options[SHADOW]), np.float32(options[CLAMP]), scale, half,
+        lines, plan, n, odds,
     )  # fmt: skip
     fit_distributions(odds, plan, n, half, scale, options[SHARPNESS], lines)
     _fit_creases(bgr, chords, info, n, half, scale, lines)

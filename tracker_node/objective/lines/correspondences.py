@@ -19,7 +19,7 @@ from ...model.configuration import Configuration, State
 from ...observation.region.background import NO_ROOM, PackedRoom
 from ...observation.region.silhouette import NO_SILHOUETTE, PackedSilhouette
 from ...render.contour.samples import most_samples
-from ...render.occluders import NOTHING
+from ...render.occluders import NO_NEIGHBORS, NOTHING, PackedNeighbors
 from ...render.shape_arrays import ShapeArrays
 from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
@@ -84,17 +84,19 @@ class View:
     densities : color densities (body (n_classes, n_colors), scene).
     room : the background, `RegionBackground.packed`.
     silhouette : which pixels show the body, by a network; of `observation.region.silhouette.packed`.
+    neighbors : which pixels show other bodies, `render.occluders.Occluders.neighbors`.
     """
 
     bgr: np.ndarray
     densities: tuple[np.ndarray, np.ndarray]
     room: PackedRoom = NO_ROOM
     silhouette: PackedSilhouette = NO_SILHOUETTE
+    neighbors: PackedNeighbors = NO_NEIGHBORS
 
     @property
-    def packed(self) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], PackedRoom, PackedSilhouette]:
+    def packed(self) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], PackedRoom, PackedSilhouette, PackedNeighbors]:
         """As the kernels take it."""
-        return self.bgr, self.densities, self.room, self.silhouette
+        return self.bgr, self.densities, self.room, self.silhouette, self.neighbors
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +162,8 @@ class LineDrawer:
     classes : (n_shapes,) color class of every shape.
     options : how lines are drawn.
     parallel : maps a function over cameras.
-    covers : (h, w) depth of what stands before the body, in every camera (`render.occluders`); None: nothing does.
+    covers : (h, w) depth of what stands before the body, in every camera (`Occluders.depths`, read anew each time); None: nothing
+        does.
     """
 
     def __init__(
@@ -173,7 +176,7 @@ class LineDrawer:
         parallel: Callable[[Callable, list], list] = serial,
         covers: Sequence[np.ndarray] | None = None,
     ):
-        self._covers = [NOTHING] * len(rig) if covers is None else list(covers)
+        self._covers = [NOTHING] * len(rig) if covers is None else covers
         self._model, self._arrays, self._classes, self._options = model, arrays, classes, options
         most = most_samples(arrays.packed, options.samples_per_line)
         few = most * len(rig) < _FEW_SAMPLES

@@ -243,7 +243,7 @@ class RegionColors:
 
     def learn(
         self, bgr: np.ndarray, region: Region, labels: np.ndarray, rate: float, guard_px: int, reach_px: int,
-        reliable: np.ndarray | None = None, sure_px: int | None = None, every: int = 1,
+        reliable: np.ndarray | None = None, sure_px: int | None = None, every: int = 1, others: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         """Mix in the colors of one image.
 
@@ -259,6 +259,7 @@ class RegionColors:
         sure_px : what is nearer than ``guard_px``, but not than this, may be the body's, or its shadow, and counts a little, as
             do darker shades of all surroundings; None: they do not.
         every : so many pixels a side of a large image have one label, and one of them tells their colors as well.
+        others : (h, w) bool, mask on the region of what is no surroundings, other bodies; None without any.
         """
         guard_px, reach_px, sure_px = guard_px // every, reach_px // every, None if sure_px is None else sure_px // every
         self._casts_shadow = sure_px is not None
@@ -266,6 +267,8 @@ class RegionColors:
         square = np.ones((2 * guard_px + 1, 2 * guard_px + 1), dtype=np.uint8)
         inner = cv2.erode(body, np.ones((3, 3), dtype=np.uint8), borderValue=1)
         near = cv2.dilate(body, np.ones((2 * reach_px + 1, 2 * reach_px + 1), dtype=np.uint8)).view(np.bool_)
+        if others is not None:
+            near &= ~others
         around = near > cv2.dilate(body, square).view(np.bool_)
         kinds = np.zeros(256, dtype=np.uint8)  # by label
         kinds[1 : len(self._classes) + 1] = 1 + self._classes
@@ -280,7 +283,7 @@ class RegionColors:
         if sure_px is not None and sure_px < guard_px:
             inside = np.ones((2 * sure_px + 1, 2 * sure_px + 1), dtype=np.uint8)
             doubtful = cv2.dilate(body, square).view(np.bool_) > cv2.dilate(body, inside).view(np.bool_)
-            scene += np.rint(_DOUBTFUL * _counts(crop, doubtful))
+            scene += np.rint(_DOUBTFUL * _counts(crop, doubtful if others is None else doubtful & ~others))
         mix_classes(self._parts, counts, np.float32(rate), self._kinds, self._support)
         mix_counts(self._around, scene, np.float32(rate))
         if self._as_stated is not False and self._stated.any() and not self._was_reliable.all():

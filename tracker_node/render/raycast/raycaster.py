@@ -235,6 +235,27 @@ def render_view(configuration: Configuration, camera: Camera, region: Region | N
     return RenderedView(labels, depth, region)
 
 
+def render_where_seen(configuration: Configuration, camera: Camera) -> RenderedView | None:
+    """`render_view` of the part of the image that a body may cover; meshes of many triangles are drawn with few of them.
+
+    Parameters
+    ----------
+    configuration, camera : as of `render_view`.
+
+    Returns
+    -------
+    Labels and depth on that part; None when no part of the body is in the image.
+    """
+    found = cast(configuration, camera, (0, 0, camera.model.width, camera.model.height), frames=False, light=True)
+    u0, v0, u1, v1 = found.region
+    if u0 == u1 or v0 == v1:
+        return None
+    labels, depth = np.zeros((v1 - v0, u1 - u0), dtype=np.uint8), np.empty((v1 - v0, u1 - u0), dtype=np.float32)
+    unpack_labels(found.buffer, found.column, labels)
+    unpack_depth(found.buffer, found.column, depth)
+    return RenderedView(labels, depth, found.region)
+
+
 def render_mask(configuration: Configuration, camera: Camera, region: Region | None = None) -> np.ndarray:
     """Mask of a body in a camera: `render_view` without the rest.
 

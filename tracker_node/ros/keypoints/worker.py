@@ -140,7 +140,8 @@ class DetectionWorker:
             for image in image_set.images:
                 if self._stopping.is_set():
                     return
-                people, in_crop = people_in(detector, image.bgr, crops.get(image.camera))
+                crop = crops.get(image.camera)
+                people, in_crop = people_in(detector, image.bgr, () if crop is None else (crop,))
                 self.images, self.in_crops = self.images + 1, self.in_crops + in_crop
                 found.append(replace(image, people=people))
             self._on_people(found)

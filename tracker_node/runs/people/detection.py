@@ -21,10 +21,11 @@ from ...loaders.pose_weights import detector_name, usable_weights
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.blazepose import BlazePose, PointNetwork
 from ...observation.keypoints.crop import Crop
-from ...observation.keypoints.people import People, checked
+from ...observation.keypoints.people import People, Person, checked
 from ...parallel import Workers
 from ...tracking.config import KEYPOINTS, TrackerConfig
 
+_SAME = 0.1  # median distance of points, as a fraction of a person's size, within which two are one
 _TRIAL = np.zeros((64, 64, 3), np.uint8)  # shows nobody
 
 
@@ -46,29 +47,40 @@ class Detector(Protocol):
         ...
 
 
-def people_in(detector: Detector, image: np.ndarray, crop: Crop | None) -> tuple[People, bool]:
-    """People where the body is expected; where nobody is, in the whole image. Live and offline look by this rule.
+def people_in(detector: Detector, image: np.ndarray, crops: Sequence[Crop]) -> tuple[People, bool]:
+    """People where bodies are expected; where nobody is, in the whole image. Live and offline look by this rule.
 
     Parameters
     ----------
     detector : looks.
     image : (height, width, 3) BGR.
-    crop : where the body is expected; None: anywhere.
+    crops : where bodies are expected; empty: anywhere.
 
     Returns
     -------
-    people : in no particular order.
-    expected : whether they are in the crop.
+    people : in no particular order, each once.
+    expected : whether they are in the crops.
     """
     image = np.ascontiguousarray(image)
-    people = () if crop is None else detector.detect(image, (crop,))
-    return (people, True) if people else (detector.detect(image), False)
+    people = detector.detect(image, crops) if crops else ()
+    return (distinct(people), True) if people else (detector.detect(image), False)
+
+
+def distinct(people: People) -> People:
+    """People each of whom is found once, the surest of those with points in the same places."""
+    found: list[Person] = []
+    for person in sorted(people, key=lambda person: -float(person.scores.sum())):
+        size = max(person.box[2] - person.box[0], person.box[3] - person.box[1], 1.0)
+        apart = [np.median(np.linalg.norm(person.pixels - other.pixels, axis=1)) / size for other in found]
+        if min(apart, default=1.0) > _SAME:
+            found.append(person)
+    return tuple(found)
 
 
 class Expecting(Protocol):
     """What detection needs of a tracker."""
 
-    def expected_crops(self, stamp_ns: int) -> list[Crop | None]: ...
+    def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,16 +157,16 @@ class PeopleDetection:
         if turn or all(image.people is not None for image in image_set.images):
             return image_set
         crops = dict(zip(self._names, tracker.expected_crops(image_set.stamp_ns), strict=True))
-        found = self._workers.map(lambda image: self._looked_at(image, crops.get(image.camera)), image_set.images)
+        found = self._workers.map(lambda image: self._looked_at(image, crops.get(image.camera, ())), image_set.images)
         self.ms += [ms for _, ms in found if ms is not None]
         return replace(image_set, images=tuple(image for image, _ in found))
 
-    def _looked_at(self, image: CameraImage, crop: Crop | None) -> tuple[CameraImage, float | None]:
+    def _looked_at(self, image: CameraImage, crops: Sequence[Crop]) -> tuple[CameraImage, float | None]:
         if image.people is not None:
             return image, None
         detector, began = self._idle.get(), time.perf_counter()
         try:
-            people, _ = people_in(detector, image.bgr, crop)
+            people, _ = people_in(detector, image.bgr, crops)
         finally:
             self._idle.put(detector)
         usable = tuple(checked(person) for person in people)

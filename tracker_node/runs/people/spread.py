@@ -32,8 +32,8 @@ class _Anywhere:
     def __init__(self, n_cameras: int):
         self._n_cameras = n_cameras
 
-    def expected_crops(self, stamp_ns: int) -> list[Crop | None]:
-        return [None] * self._n_cameras
+    def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]:
+        return [()] * self._n_cameras
 
 
 def people_of_sets(

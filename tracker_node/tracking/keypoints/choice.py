@@ -58,6 +58,20 @@ class PersonChoice(Choice):
         places = self._modality.places(expected)
         return self._with_pairs([self._chosen(i, persons or (), places) for i, persons in enumerate(people)], places)
 
+    def claims(self, people: PeopleSeen, expected: State) -> list[np.ndarray]:
+        """How well everybody suits."""
+        places, found = self._modality.places(expected), []
+        for i, persons in enumerate(people):
+            pixels, seen = self._rig.cameras[i].project(places)
+            sigma_px = self._sigma_px(i, places, _EXPECTED_M)
+            pairs = [self._either_way(person, pixels, seen, sigma_px) for person in persons or ()]
+            found.append(np.array([max(pair[:2]) if max(pair[:2]) > _LEAST * pair[2] else -np.inf for pair in pairs]))
+        return found
+
+    def candidates(self, people: PeopleSeen, near: np.ndarray | None = None) -> list[tuple[State, float]]:
+        """Where the body may begin."""
+        return self._start.candidates(people, near)
+
     def _with_pairs(self, persons: list[Person | None], places: np.ndarray) -> list[Person | None]:
         """With left and right of single joints exchanged, as a detector has those of shoulders where the trunk is twisted.
 
@@ -108,13 +122,19 @@ class PersonChoice(Choice):
         sigma_px = self._sigma_px(i, places, _EXPECTED_M)
         swap = self._swaps[i] * _SWAP_KEPT + _SWAP_PRIOR * (1.0 - _SWAP_KEPT)
         for person in persons:
-            as_found, sure = self._agreement(person, pixels, seen, sigma_px)
-            exchanged, _ = self._agreement(mirrored(person), pixels, seen, sigma_px)
+            as_found, exchanged, sure = self._either_way(person, pixels, seen, sigma_px)
             odds = swap + exchanged - as_found
             if max(as_found, exchanged) > max(most, _LEAST * sure):
                 most, best = max(as_found, exchanged), mirrored(person) if odds > 0.0 else person
                 self._swaps[i] = float(np.clip(odds, -10.0, 10.0))
         return best
+
+    def _either_way(
+        self, person: Person, pixels: np.ndarray, seen: np.ndarray, sigma_px: float
+    ) -> tuple[float, float, float]:
+        """`_agreement` of the person as found, and with left and right exchanged; and the sum of the scores."""
+        as_found, sure = self._agreement(person, pixels, seen, sigma_px)
+        return as_found, self._agreement(mirrored(person), pixels, seen, sigma_px)[0], sure
 
     def _agreement(self, person: Person, pixels: np.ndarray, seen: np.ndarray, sigma_px: float) -> tuple[float, float]:
         """Log-likelihood ratio of the points, where they are expected against anywhere around the person; and their scores' sum.

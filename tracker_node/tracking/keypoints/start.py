@@ -68,24 +68,38 @@ class PointStart:
         None where nobody is seen by two cameras, or nobody suits the body; for some image sets where the points of who does
         disagree.
         """
-        if sum(bool(persons) for persons in people) < 2:
+        candidates = self.candidates(people, near)
+        if not candidates:
             return None
+        state, cost = candidates[0]
+        if cost > _DOUBTFUL and self._waited < self._patience_sets:
+            self._waited += 1
+            return None
+        self._waited = 0
+        return state
+
+    def candidates(self, people: PeopleSeen, near: np.ndarray | None = None) -> list[tuple[State, float]]:
+        """States of the people whom the body suits.
+
+        Parameters
+        ----------
+        people, near : of `find`.
+
+        Returns
+        -------
+        With what each of their points costs; those nearest to the place first.
+        """
+        if sum(bool(persons) for persons in people) < 2:
+            return []
         groups = grouped(self._rig, people)[:_MOST_GROUPS]
         tried = [self._either_way(group) for group in groups if group.count >= _LEAST_SEEN * groups[0].count]
         found: list[tuple[State, float]] = []
         for each in tried:  # who is found twice in an image is in two groups: more cameras see the first
             if each is not None and all(_apart_m(each[0], other) > _LEAST_APART_M for other, _ in found):
                 found.append(each)
-        if not found:
-            return None
-        least = max(min(cost for _, cost in found), _PERFECT)
+        least = max(min((cost for _, cost in found), default=0.0), _PERFECT)
         suits, place = [each for each in found if each[1] <= _SUITS * least], self._focus if near is None else near
-        state, cost = min(suits, key=lambda each: float(np.linalg.norm(each[0].T_world_root[:3, 3] - place)))
-        if cost > _DOUBTFUL and self._waited < self._patience_sets:
-            self._waited += 1
-            return None
-        self._waited = 0
-        return state
+        return sorted(suits, key=lambda each: float(np.linalg.norm(each[0].T_world_root[:3, 3] - place)))
 
     def _either_way(self, group: PersonGroup) -> tuple[State, float] | None:
         """The better fit: points that meet do not say whether a detector has exchanged left and right in all of these cameras."""

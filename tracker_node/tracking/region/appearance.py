@@ -81,6 +81,11 @@ class RegionAppearance:
         """By camera: whether colors have been learned."""
         return [bool(colors.knows) for colors in self._colors]
 
+    @property
+    def colors(self) -> list[np.ndarray | None]:
+        """By camera (n_classes, n_colors) densities of the body's colors; None where they are not known."""
+        return [colors.body if colors.knows else None for colors in self._colors]
+
     def views(self, images: Images, persons: Persons = ()) -> list[View | None]:
         """What each camera shows.
 
@@ -102,7 +107,8 @@ class RegionAppearance:
                 found.append(None)
                 continue
             silhouette = packed(None if person is None else person.silhouette, image.shape[:2], self._odds)
-            found.append(View(image, (colors.body, colors.scene), self._rooms[i].packed, silhouette))
+            neighbors = self._occluders.neighbors[i]
+            found.append(View(image, (colors.body, colors.scene), self._rooms[i].packed, silhouette, neighbors))
         return found
 
     def learn(
@@ -132,9 +138,10 @@ class RegionAppearance:
             image = images[i]
             if found is not None and image is not None:
                 region, labels, every = found.region, found.labels, found.every
-                self._colors[i].learn(image, region, labels, rate, margin_px, around, trusted, sure_px, every)
+                self._colors[i].learn(image, region, labels, rate, margin_px, around, trusted, sure_px, every, found.others)
                 if background:
-                    self._rooms[i].learn(image, region, labels, places, every)
+                    everybody = self._occluders.with_neighbors(i, found)
+                    self._rooms[i].learn(image, everybody.region, everybody.labels, places, every)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
 

@@ -88,8 +88,9 @@ class RegionArea:
             log_body = np.ascontiguousarray(np.log(body.T))
             step, box = max(1, cell_px // _CELLS), pixels_around(root, self._reach_m, small[i])
             fill_log_ratios(
-                view.bgr, log_body, scene, view.room, view.silhouette, self._shadow, step, self._max_log_ratio, box, own
-            )
+                view.bgr, log_body, scene, view.room, view.silhouette, view.neighbors, self._shadow, step, self._max_log_ratio,
+                box, own,
+            )  # fmt: skip
             maps[i] = own
 
         self._workers.map(run, [i for i, view in enumerate(views) if view is not None])

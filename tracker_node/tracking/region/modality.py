@@ -24,7 +24,7 @@ from ...observation.region.colors import distinctness
 from ...render.occluders import Occluders
 from ...render.shape_arrays import ShapeArrays
 from ..config import KEYPOINTS, KeypointConfig, TrackerConfig
-from ..modality import Images, Modality, Persons, cameras_in_turn
+from ..modality import Images, Modality, PartColors, Persons, cameras_in_turn
 from ..motion.model import ExposureDelays
 from .appearance import RegionAppearance
 
@@ -101,6 +101,11 @@ class RegionModality(Modality):
     def surfaces(self) -> np.ndarray | None:
         """See `Modality.surfaces`; followed while points hold the joints."""
         return None if self._surfaces is None else self._surfaces.surfaces.means
+
+    @property
+    def colors(self) -> PartColors:
+        """See `Modality.colors`."""
+        return self.appearance.classes, self.appearance.colors
 
     @property
     def has_silhouettes(self) -> bool:

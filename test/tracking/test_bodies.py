@@ -1,0 +1,149 @@
+"""Two people who pass each other, by trackers that know of each other; who of the people found is whose body."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from helpers.bodies.detected_people import HUMAN, off_m, seen_by, standing
+from helpers.bodies.detected_people import image_set as with_points
+from helpers.cameras.camera_rigs import circle_rig
+from helpers.cameras.two_people import MODELS, N_SETS, SCENE, image_set, mean_error_m, states
+from tracker_node.model.configuration import Configuration
+from tracker_node.tracking.bodies import Bodies
+from tracker_node.tracking.config import TrackerConfig, from_dict
+from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.tracker import Tracker
+
+
+def trackers(**changes):
+    config = replace(TrackerConfig(threads=1), **changes)
+    return {name: Tracker(SCENE.rig, model, config, None, states(0)[name]) for name, model in MODELS.items()}
+
+
+@pytest.fixture(scope="module")
+def sets():
+    return [image_set(i) for i in range(N_SETS)]
+
+
+def followed(sets, together):
+    """By body, the mean errors, and how often it was not TRACKING."""
+    each = trackers()
+    bodies, errors = Bodies(each), {name: [] for name in each}
+    for i, one in enumerate(sets):
+        given = bodies.sets_of(one) if together else dict.fromkeys(each, one)
+        for name, tracker in each.items():
+            estimate = tracker.step(given[name])
+            assert estimate.status is not Status.LOST
+            errors[name].append(mean_error_m(name, estimate.state, i))
+    return {name: np.array(found) for name, found in errors.items()}
+
+
+def test_people_who_pass_each_other_are_followed_more_exactly_together(sets):
+    together, apart = followed(sets, True), followed(sets, False)
+    for name in MODELS:
+        assert together[name].mean() < 0.007 and together[name].max() < 0.03
+    assert sum(e.mean() for e in together.values()) < 0.7 * sum(e.mean() for e in apart.values())
+
+
+def test_each_knows_where_the_other_is_expected(sets):
+    each = trackers()
+    bodies = Bodies(each)
+    for one in sets[:2]:
+        given = bodies.sets_of(one)
+        for name, tracker in each.items():
+            tracker.step(given[name])
+    given = bodies.sets_of(sets[2])
+    for name, other in (("one", "other"), ("other", "one")):
+        (neighbor,) = given[name].neighbors
+        true = Configuration(MODELS[other], states(2)[other])
+        np.testing.assert_allclose(neighbor.body.landmarks_world, true.landmarks_world, atol=0.03)
+        assert all(colors.sum(axis=1) == pytest.approx(1.0, rel=0.05) for colors in neighbor.colors)
+
+
+def test_one_body_alone_sees_its_images_as_they_are(sets):
+    each = {"one": trackers()["one"]}
+    assert Bodies(each).sets_of(sets[0])["one"] is sets[0]
+
+
+def test_a_recording_that_begins_again_is_tracked_as_before(sets):
+    each = trackers()
+    bodies, found = Bodies(each), []
+    for one in [*sets[:3], *sets[:3]]:
+        given = bodies.sets_of(one)
+        found.append({name: tracker.step(given[name]).state for name, tracker in each.items()})
+    for first, again in zip(found[:3], found[3:], strict=True):
+        for name in MODELS:
+            np.testing.assert_array_equal(first[name].joint_positions, again[name].joint_positions)
+
+
+RIG, PERIOD_NS = circle_rig(4), 33_333_333
+BLANK = np.full((480, 640, 3), 90, np.uint8)
+POINTS_ALONE = from_dict({"modalities": ["keypoints"], "threads": 1})
+
+
+def walking(name, i):
+    """Two who change places within two seconds, half a meter beside each other on their ways."""
+    along, swing = 0.9 - 0.03 * i, 30.0 * np.sin(0.25 * i)
+    arms = {"left_shoulder_elevation_front": 20.0 + swing, "right_shoulder_elevation_front": 20.0 - swing}
+    return standing(along, 0.25, np.pi, **arms) if name == "one" else standing(-along, -0.25, 0.0, **arms)
+
+
+def points_of(i, names=("one", "other")):
+    """Everybody's points in every camera, in an order that changes."""
+    rng, found = np.random.default_rng(i), [[] for _ in RIG]
+    for name in names:
+        for persons, person in zip(found, seen_by(RIG, walking(name, i), rng, 1.0), strict=True):
+            persons.insert(rng.integers(len(persons) + 1), person)
+    return with_points(RIG, [tuple(persons) for persons in found], i * PERIOD_NS, BLANK)
+
+
+def by_points(**near):
+    made = {name: Tracker(RIG, HUMAN, POINTS_ALONE) for name in ("one", "other")}
+    for name, place in near.items():
+        made[name].reinitialize(np.array(place))
+    return made
+
+
+def run_by_points(each, shots):
+    bodies, found = Bodies(each), []
+    for shot in shots:
+        given = bodies.sets_of(shot)
+        found.append({name: tracker.step(given[name]) for name, tracker in each.items()})
+    return found
+
+
+def test_nobody_is_two_bodies_and_who_changes_places_stays_who_he_is():
+    found = run_by_points(by_points(one=(0.9, 0.3, 1.0)), [points_of(i) for i in range(60)])
+    for i, estimates in enumerate(found):
+        for name, estimate in estimates.items():
+            assert estimate.status is Status.TRACKING, (i, name, estimate.status_reason)
+            assert off_m(estimate.state, walking(name, i)).mean() < 0.04
+
+
+def test_both_begin_in_the_first_image_set_each_where_it_is_wanted():
+    found = run_by_points(by_points(one=(-0.9, -0.2, 1.0), other=(0.9, 0.2, 1.0)), [points_of(0)])
+    assert off_m(found[0]["one"].state, walking("other", 0)).mean() < 0.04
+    assert off_m(found[0]["other"].state, walking("one", 0)).mean() < 0.04
+
+
+def test_who_comes_later_is_found_and_who_goes_is_lost():
+    shots = [points_of(i, ("one",)) for i in range(5)] + [points_of(i) for i in range(5, 15)]
+    shots += [points_of(i, ("other",)) for i in range(15, 20)]
+    found = run_by_points(by_points(), shots)
+    (first,) = {name for name in found[0] if found[0][name].status is Status.TRACKING}
+    late = "other" if first == "one" else "one"
+    assert {each[late].status for each in found[:5]} == {Status.INITIALIZING}
+    assert {each[name].status for each in found[5:15] for name in each} == {Status.TRACKING}
+    assert off_m(found[14][late].state, walking("other", 14)).mean() < 0.04
+    assert found[19][first].status is Status.LOST and found[19][late].status is Status.TRACKING
+
+
+def test_a_detector_looks_at_each_and_at_all_while_one_is_unknown():
+    each = by_points()
+    bodies = Bodies(each)
+    assert bodies.expected_crops(0) == [()] * len(RIG)
+    given = bodies.sets_of(points_of(0))
+    for name, tracker in each.items():
+        tracker.step(given[name])
+    assert [len(crops) for crops in bodies.expected_crops(PERIOD_NS)] == [2] * len(RIG)

@@ -1,0 +1,137 @@
+"""Several bodies in the same images: each has a tracker of its own, which knows where the others are expected.
+
+Before the trackers take an image set, everybody is where the sets before say. A body is compared with images in which the others
+stand about: what is behind one of them says nothing of it, what shows one of them is no background. Whom a detector has found
+is at most one body in each camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ..model.configuration import State
+from ..model.neighbors import Neighbor
+from ..observation.image_set import CameraImage, ImageSet
+from ..observation.keypoints.crop import Crop
+from .modality import PeopleSeen
+from .tracker import Tracker
+
+_APART_M = 0.3  # roots of two bodies that begin at once
+_NOWHERE = 100.0  # what it costs that a body begins nowhere, meters or information a point
+_NEVER = 1e6
+
+
+class Bodies:
+    """Says what each of several trackers is to see of an image set.
+
+    Parameters
+    ----------
+    trackers : by the name of the body, all of one rig.
+    """
+
+    def __init__(self, trackers: Mapping[str, Tracker]):
+        self._trackers = dict(trackers)
+        self._last_ns: int | None = None
+
+    def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]:
+        """Where a detector of people should look for the bodies.
+
+        Parameters
+        ----------
+        stamp_ns : of the images.
+
+        Returns
+        -------
+        By camera; none, for the whole image, while one of the bodies is not known.
+        """
+        self._begin_anew(stamp_ns)
+        trackers = self._trackers.values()
+        crops = [tracker.expected_crops(stamp_ns) for tracker in trackers]
+        if any(tracker.expected(stamp_ns) is None for tracker in trackers):
+            return [()] * len(crops[0])
+        return [tuple(crop for each in of_camera for crop in each) for of_camera in zip(*crops, strict=True)]
+
+    def sets_of(self, image_set: ImageSet) -> dict[str, ImageSet]:
+        """The image set as each tracker is to take it: with the others as neighbors, and without the people who are others."""
+        self._begin_anew(image_set.stamp_ns)
+        if len(self._trackers) == 1:
+            return dict.fromkeys(self._trackers, image_set)
+        neighbors = {name: tracker.as_neighbor(image_set.stamp_ns) for name, tracker in self._trackers.items()}
+        people = self._people_of_each(image_set)
+        return {
+            name: replace(image_set, images=people[name], neighbors=_others(neighbors, name)) for name in self._trackers
+        }  # fmt: skip
+
+    def _begin_anew(self, stamp_ns: int) -> None:
+        """Forget everybody where a recording has begun again."""
+        if self._last_ns is not None and stamp_ns < self._last_ns:
+            for tracker in self._trackers.values():
+                tracker.reset()
+        self._last_ns = stamp_ns
+
+    def _people_of_each(self, image_set: ImageSet) -> dict[str, tuple[CameraImage, ...]]:
+        """By body, the images without those people who are other bodies."""
+        seen = {name: tracker.people_of(image_set) for name, tracker in self._trackers.items()}
+        expected = {name: tracker.expected(image_set.stamp_ns) for name, tracker in self._trackers.items() if seen[name]}
+        owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
+        unknown = [name for name, state in expected.items() if state is None]
+        if len(unknown) > 1:
+            free = {name: _without(seen[name], owners, "") for name in unknown}
+            expected |= _begun({name: self._trackers[name].candidates(free[name]) for name in unknown})
+            owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
+        cameras = next(iter(self._trackers.values())).rig.names
+        return {name: tuple(_left(image, cameras, owners, name) for image in image_set.images) for name in self._trackers}
+
+    def _owners(self, seen: Mapping[str, PeopleSeen], expected: Mapping[str, State]) -> list[dict[int, str]]:
+        """By camera, whose body some of the people are: those together suit best."""
+        names = list(expected)
+        claims = [self._trackers[name].claims(seen[name], expected[name]) for name in names]
+        if not any(claims):
+            return []
+        owners: list[dict[int, str]] = []
+        for of_camera in zip(*claims, strict=True):
+            suits = np.where(np.isfinite(table := np.array(of_camera)), table, -_NEVER)
+            rows, columns = linear_sum_assignment(suits, maximize=True)
+            pairs = zip(rows.tolist(), columns.tolist(), strict=True)
+            owners.append({column: names[row] for row, column in pairs if suits[row, column] > -_NEVER})
+        return owners
+
+
+def _others(neighbors: Mapping[str, Neighbor | None], name: str) -> tuple[Neighbor, ...]:
+    return tuple(neighbor for other, neighbor in neighbors.items() if other != name and neighbor is not None)
+
+
+def _left(image: CameraImage, cameras: Sequence[str], owners: Sequence[dict[int, str]], name: str) -> CameraImage:
+    """The image without the people who are other bodies."""
+    if not image.people or not owners:
+        return image
+    owned = owners[cameras.index(image.camera)]
+    return replace(image, people=tuple(person for k, person in enumerate(image.people) if owned.get(k, name) == name))
+
+
+def _without(seen: PeopleSeen, owners: Sequence[dict[int, str]], name: str) -> PeopleSeen:
+    """The people of all cameras who are nobody else's than a body's."""
+    if not owners:
+        return seen
+    return [
+        None if people is None else tuple(person for k, person in enumerate(people) if owned.get(k, name) == name)
+        for people, owned in zip(seen, owners, strict=True)
+    ]
+
+
+def _begun(candidates: Mapping[str, Sequence[tuple[State, float]]]) -> dict[str, State | None]:
+    """Where each of several bodies begins, such that no two begin in one place and all together suit best."""
+    choices = [[*found, (None, _NOWHERE)] for found in candidates.values()]
+    apart = [chosen for chosen in product(*choices) if _are_apart([state for state, _ in chosen])]
+    best = min(apart, key=lambda chosen: sum(cost for _, cost in chosen))
+    return {name: state for name, (state, _) in zip(candidates, best, strict=True)}
+
+
+def _are_apart(states: Sequence[State | None]) -> bool:
+    roots = [state.T_world_root[:3, 3] for state in states if state is not None]
+    return all(np.linalg.norm(a - b) > _APART_M for i, a in enumerate(roots) for b in roots[:i])
