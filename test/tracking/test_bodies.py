@@ -10,6 +10,7 @@ from helpers.bodies.detected_people import image_set as with_points
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.cameras.two_people import MODELS, N_SETS, SCENE, image_set, mean_error_m, states
 from tracker_node.model.configuration import Configuration
+from tracker_node.runs.loop import TrackingLoop
 from tracker_node.tracking.bodies import Bodies
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import Status
@@ -26,14 +27,20 @@ def sets():
     return [image_set(i) for i in range(N_SETS)]
 
 
+def step(bodies, image_set):
+    worst = bodies.estimate(image_set)
+    bodies.learn()
+    assert any(worst is estimate for estimate in bodies.estimates.values())
+    return bodies.estimates
+
+
 def followed(sets, together):
     """By body, the mean errors, and how often it was not TRACKING."""
     each = trackers()
     bodies, errors = Bodies(each), {name: [] for name in each}
     for i, one in enumerate(sets):
-        given = bodies.sets_of(one) if together else dict.fromkeys(each, one)
-        for name, tracker in each.items():
-            estimate = tracker.step(given[name])
+        estimates = step(bodies, one) if together else {name: tracker.step(one) for name, tracker in each.items()}
+        for name, estimate in estimates.items():
             assert estimate.status is not Status.LOST
             errors[name].append(mean_error_m(name, estimate.state, i))
     return {name: np.array(found) for name, found in errors.items()}
@@ -47,13 +54,10 @@ def test_people_who_pass_each_other_are_followed_more_exactly_together(sets):
 
 
 def test_each_knows_where_the_other_is_expected(sets):
-    each = trackers()
-    bodies = Bodies(each)
+    bodies = Bodies(trackers())
     for one in sets[:2]:
-        given = bodies.sets_of(one)
-        for name, tracker in each.items():
-            tracker.step(given[name])
-    given = bodies.sets_of(sets[2])
+        step(bodies, one)
+    given = bodies._sets_of(sets[2])
     for name, other in (("one", "other"), ("other", "one")):
         (neighbor,) = given[name].neighbors
         true = Configuration(MODELS[other], states(2)[other])
@@ -63,15 +67,15 @@ def test_each_knows_where_the_other_is_expected(sets):
 
 def test_one_body_alone_sees_its_images_as_they_are(sets):
     each = {"one": trackers()["one"]}
-    assert Bodies(each).sets_of(sets[0])["one"] is sets[0]
+    assert Bodies(each)._sets_of(sets[0])["one"] is sets[0]
 
 
 def test_a_recording_that_begins_again_is_tracked_as_before(sets):
-    each = trackers()
-    bodies, found = Bodies(each), []
+    bodies = Bodies(trackers())
+    loop, found = TrackingLoop(bodies), []
     for one in [*sets[:3], *sets[:3]]:
-        given = bodies.sets_of(one)
-        found.append({name: tracker.step(given[name]).state for name, tracker in each.items()})
+        loop.step(one)
+        found.append({name: estimate.state for name, estimate in bodies.estimates.items()})
     for first, again in zip(found[:3], found[3:], strict=True):
         for name in MODELS:
             np.testing.assert_array_equal(first[name].joint_positions, again[name].joint_positions)
@@ -106,11 +110,8 @@ def by_points(**near):
 
 
 def run_by_points(each, shots):
-    bodies, found = Bodies(each), []
-    for shot in shots:
-        given = bodies.sets_of(shot)
-        found.append({name: tracker.step(given[name]) for name, tracker in each.items()})
-    return found
+    bodies = Bodies(each)
+    return [step(bodies, shot) for shot in shots]
 
 
 def test_nobody_is_two_bodies_and_who_changes_places_stays_who_he_is():
@@ -140,10 +141,30 @@ def test_who_comes_later_is_found_and_who_goes_is_lost():
 
 
 def test_a_detector_looks_at_each_and_at_all_while_one_is_unknown():
-    each = by_points()
-    bodies = Bodies(each)
+    bodies = Bodies(by_points())
     assert bodies.expected_crops(0) == [()] * len(RIG)
-    given = bodies.sets_of(points_of(0))
-    for name, tracker in each.items():
-        tracker.step(given[name])
+    step(bodies, points_of(0))
     assert [len(crops) for crops in bodies.expected_crops(PERIOD_NS)] == [2] * len(RIG)
+
+
+def test_other_parameters_take_everybody_over(sets):
+    old, new = Bodies(trackers()), Bodies(trackers())
+    loop = TrackingLoop(old)
+    for one in sets[:3]:
+        loop.step(one)
+    loop.exchange(new)
+    loop.step(sets[3])
+    for name, estimate in new.estimates.items():
+        assert mean_error_m(name, estimate.state, 3) < 0.02
+
+
+def test_late_points_are_each_ones_too():
+    """Of two image sets before, as a live graph has them."""
+    bodies, period = Bodies(by_points(one=(0.9, 0.3, 1.0))), range(40)
+    for i in period:
+        late, now = points_of(max(i - 2, 0)), points_of(i, ())
+        pairs = zip(now.images, late.images, strict=True)
+        images = tuple(replace(new, people=old.people, people_stamp_ns=old.stamp_ns) for new, old in pairs)
+        step(bodies, replace(now, images=images))
+    for name, estimate in bodies.estimates.items():
+        assert estimate.status is not Status.LOST and off_m(estimate.state, walking(name, period[-1])).mean() < 0.15

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -117,37 +117,24 @@ class TrackingLoop:
             return
         if self.request is not None:
             self.request.tell(tracker)
-        elif self.tracked is not None and self.tracked.status is Status.INITIALIZING:
-            tracker.reinitialize()
-        elif self.tracked is not None and not self._taken_over(tracker, old):
-            tracker.set_state(self.tracked.state)
+        elif isinstance(tracker, Bodies) and isinstance(old, Bodies):
+            for name, estimate in old.estimates.items():
+                self._go_on(tracker.trackers[name], old.trackers[name], estimate)
+        elif self.tracked is not None:
+            self._go_on(tracker, old, self.tracked)
 
-    def _taken_over(self, tracker: Steppable, old: Steppable | None) -> bool:
+    def _go_on(self, tracker: Steppable, old: Steppable | None, tracked: TrackEstimate) -> None:
+        if tracked.status is Status.INITIALIZING:
+            tracker.reinitialize()
+        elif not self._taken_over(tracker, old, tracked):
+            tracker.set_state(tracked.state)
+
+    def _taken_over(self, tracker: Steppable, old: Steppable | None, tracked: TrackEstimate) -> bool:
         """Whether a new tracker knows where the body is; else it looks around there, which takes a second."""
-        assert self.tracked is not None
-        if old is None or self.tracked_set is None or self.tracked.status is Status.LOST:
+        if old is None or self.tracked_set is None or tracked.status is Status.LOST:
             return False
         try:
             tracker.take_over(old, self.tracked_set)
         except TrackerError:  # the images are of another size than its cameras
             return False
         return True
-
-
-class BodiesLoop:
-    """The loops of several bodies, which know of each other.
-
-    Parameters
-    ----------
-    bodies : says what each is to see of an image set.
-    loops : by the name of the body.
-    prepare : called before each step.
-    """
-
-    def __init__(self, bodies: Bodies, loops: Mapping[str, TrackingLoop], prepare: Callable[[ImageSet], ImageSet]):
-        self._bodies, self._loops, self._prepare = bodies, dict(loops), prepare
-
-    def step(self, image_set: ImageSet) -> dict[str, TrackEstimate]:
-        """Track an image set; the estimate of each body by its name."""
-        sets = self._bodies.sets_of(self._prepare(image_set))
-        return {name: loop.step(sets[name]) for name, loop in self._loops.items()}

@@ -33,14 +33,13 @@ from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, 
 from .images import run_stream
 from .joint_states import JointStateFile, check_use, load_joint_states, with_joint_states
 from .load import run_info
-from .loop import BodiesLoop, TrackingLoop
+from .loop import TrackingLoop
 from .people.detection import DetectionOptions, PeopleDetection
 from .people.recorded import PointFiles, RecordedPeople, open_recorded_people
 from .recorded_sets import RecordedRunStream
 from .writer import RunWriter, SmoothedWriter, asked_of_run, counted_sets
 
 Progress = Callable[[int, int | None, TrackEstimate], None]
-_BY_TROUBLE = (Status.TRACKING, Status.DEGRADED, Status.INITIALIZING, Status.LOST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +176,7 @@ def run_together(
 
     Parameters
     ----------
-    runs : by the name of the body; rig, images, points and detection are those of the first.
+    runs : by the name of the body; rig, images, points, detection and joint states are those of the first.
     outputs : by the name of the body, the folder of its run, made here.
     progress : called after each set, with the estimate of whichever body is worst off.
     tell : see `run_offline`.
@@ -206,14 +205,15 @@ def run_together(
             name: _Followed(each, rig, backgrounds, table, outputs[name], _detector_name(each, detection), stack)
             for name, each in runs.items()
         }
-        together = Bodies({name: body.tracker for name, body in bodies.items()})
+        joint_states = _joint_states_of(run)
 
-        def prepared(image_set: ImageSet) -> ImageSet:
-            return image_set if detection is None else detection.with_people(together, image_set)
+        def prepared(tracker: Any, image_set: ImageSet) -> ImageSet:
+            image_set = image_set if joint_states is None else with_joint_states(joint_states, image_set)
+            return image_set if detection is None else detection.with_people(tracker, image_set)
 
         if any(REGION in each.config.modalities for each in runs.values()):
             compile_ahead(show_progress)
-        loop = BodiesLoop(together, {name: body.loop for name, body in bodies.items()}, prepared)
+        loop = TrackingLoop(Bodies({name: body.tracker for name, body in bodies.items()}), prepared)
         try:
             _track(run, loop, stream, bodies, progress)
         except TrackerError as error:
@@ -238,8 +238,6 @@ class _Followed:
             self.tracker.reinitialize(run.person)
         if run.smooth_s is not None and not self.tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
-        self._joint_states = _joint_states_of(run)
-        self.loop = TrackingLoop(self.tracker, None if self._joint_states is None else self._with_joint_states)
         self._writer = stack.enter_context(
             RunWriter(output, rig, run.model, masks=run.masks, masked_images=run.masked_images, detector=detector)
         )
@@ -248,13 +246,9 @@ class _Followed:
             self._smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
         self._record = _Record(run.model)
 
-    def _with_joint_states(self, tracker: Any, image_set: ImageSet) -> ImageSet:
-        assert self._joint_states is not None
-        return with_joint_states(self._joint_states, image_set)
-
     def take(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         """Write what has been made of an image set."""
-        self._writer.append(estimate, self.loop.tracked_set or image_set)
+        self._writer.append(estimate, image_set)
         if self._smoothed is not None:
             self._smoothed.append(estimate)
         self._record.add(estimate)
@@ -364,14 +358,16 @@ class _Record:
 
 
 def _track(
-    run: OfflineRun, loop: BodiesLoop, stream: ImageSetStream, bodies: Mapping[str, _Followed], progress: Progress | None
+    run: OfflineRun, loop: TrackingLoop, stream: ImageSetStream, bodies: Mapping[str, _Followed], progress: Progress | None
 ) -> None:
+    together = loop.tracker
+    assert isinstance(together, Bodies)
     for n, image_set in enumerate(stream, 1):
-        estimates = loop.step(image_set)
-        for name, estimate in estimates.items():
-            bodies[name].take(estimate, image_set)
+        worst = loop.step(image_set)
+        for name, estimate in together.estimates.items():
+            bodies[name].take(estimate, loop.tracked_set or image_set)
         if progress is not None:
-            progress(n, stream.n_expected, max(estimates.values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status)))
+            progress(n, stream.n_expected, worst)
         if run.max_sets is not None and n >= run.max_sets:
             return
 

@@ -18,25 +18,62 @@ from ..model.configuration import State
 from ..model.neighbors import Neighbor
 from ..observation.image_set import CameraImage, ImageSet
 from ..observation.keypoints.crop import Crop
+from .estimate import Status, TrackEstimate
 from .modality import PeopleSeen
 from .tracker import Tracker
 
 _APART_M = 0.3  # roots of two bodies that begin at once
 _NOWHERE = 100.0  # what it costs that a body begins nowhere, meters or information a point
 _NEVER = 1e6
+_BY_TROUBLE = (Status.TRACKING, Status.DEGRADED, Status.INITIALIZING, Status.LOST)
 
 
 class Bodies:
-    """Says what each of several trackers is to see of an image set.
+    """Follows several bodies as a `Tracker` follows one.
 
     Parameters
     ----------
     trackers : by the name of the body, all of one rig.
+
+    Attributes
+    ----------
+    trackers : the same.
+    estimates : of the latest image set, by the name of the body.
     """
 
     def __init__(self, trackers: Mapping[str, Tracker]):
-        self._trackers = dict(trackers)
-        self._last_ns: int | None = None
+        self.trackers, self.estimates = dict(trackers), dict[str, TrackEstimate]()
+
+    def estimate(self, image_set: ImageSet) -> TrackEstimate:
+        """Estimate all states for one image set; returned is that of whoever is worst off, all are in ``estimates``."""
+        sets = self._sets_of(image_set)
+        self.estimates = {name: tracker.estimate(sets[name]) for name, tracker in self.trackers.items()}
+        return max(self.estimates.values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status))
+
+    def learn(self) -> None:
+        """See `Tracker.learn`."""
+        for tracker in self.trackers.values():
+            tracker.learn()
+
+    def reset(self) -> None:
+        """See `Tracker.reset`."""
+        for tracker in self.trackers.values():
+            tracker.reset()
+
+    def set_state(self, state: State) -> None:
+        """See `Tracker.set_state`; of a body that is alone."""
+        (tracker,) = self.trackers.values()
+        tracker.set_state(state)
+
+    def reinitialize(self, near: np.ndarray | None = None) -> None:
+        """See `Tracker.reinitialize`; all of them."""
+        for tracker in self.trackers.values():
+            tracker.reinitialize(near)
+
+    def take_over(self, other: Bodies, image_set: ImageSet) -> None:
+        """See `Tracker.take_over`; of a body that is alone."""
+        for name, tracker in self.trackers.items():
+            tracker.take_over(other.trackers[name], image_set)
 
     def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]:
         """Where a detector of people should look for the bodies.
@@ -49,48 +86,39 @@ class Bodies:
         -------
         By camera; none, for the whole image, while one of the bodies is not known.
         """
-        self._begin_anew(stamp_ns)
-        trackers = self._trackers.values()
+        trackers = self.trackers.values()
         crops = [tracker.expected_crops(stamp_ns) for tracker in trackers]
         if any(tracker.expected(stamp_ns) is None for tracker in trackers):
             return [()] * len(crops[0])
         return [tuple(crop for each in of_camera for crop in each) for of_camera in zip(*crops, strict=True)]
 
-    def sets_of(self, image_set: ImageSet) -> dict[str, ImageSet]:
+    def _sets_of(self, image_set: ImageSet) -> dict[str, ImageSet]:
         """The image set as each tracker is to take it: with the others as neighbors, and without the people who are others."""
-        self._begin_anew(image_set.stamp_ns)
-        if len(self._trackers) == 1:
-            return dict.fromkeys(self._trackers, image_set)
-        neighbors = {name: tracker.as_neighbor(image_set.stamp_ns) for name, tracker in self._trackers.items()}
+        if len(self.trackers) == 1:
+            return dict.fromkeys(self.trackers, image_set)
+        neighbors = {name: tracker.as_neighbor(image_set.stamp_ns) for name, tracker in self.trackers.items()}
         people = self._people_of_each(image_set)
         return {
-            name: replace(image_set, images=people[name], neighbors=_others(neighbors, name)) for name in self._trackers
+            name: replace(image_set, images=people[name], neighbors=_others(neighbors, name)) for name in self.trackers
         }  # fmt: skip
-
-    def _begin_anew(self, stamp_ns: int) -> None:
-        """Forget everybody where a recording has begun again."""
-        if self._last_ns is not None and stamp_ns < self._last_ns:
-            for tracker in self._trackers.values():
-                tracker.reset()
-        self._last_ns = stamp_ns
 
     def _people_of_each(self, image_set: ImageSet) -> dict[str, tuple[CameraImage, ...]]:
         """By body, the images without those people who are other bodies."""
-        seen = {name: tracker.people_of(image_set) for name, tracker in self._trackers.items()}
-        expected = {name: tracker.expected(image_set.stamp_ns) for name, tracker in self._trackers.items() if seen[name]}
+        seen = {name: tracker.people_of(image_set) for name, tracker in self.trackers.items()}
+        expected = {name: tracker.expected(image_set.stamp_ns) for name, tracker in self.trackers.items() if seen[name]}
         owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
         unknown = [name for name, state in expected.items() if state is None]
         if len(unknown) > 1:
             free = {name: _without(seen[name], owners, "") for name in unknown}
-            expected |= _begun({name: self._trackers[name].candidates(free[name]) for name in unknown})
+            expected |= _begun({name: self.trackers[name].candidates(free[name]) for name in unknown})
             owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
-        cameras = next(iter(self._trackers.values())).rig.names
-        return {name: tuple(_left(image, cameras, owners, name) for image in image_set.images) for name in self._trackers}
+        cameras = next(iter(self.trackers.values())).rig.names
+        return {name: tuple(_left(image, cameras, owners, name) for image in image_set.images) for name in self.trackers}
 
     def _owners(self, seen: Mapping[str, PeopleSeen], expected: Mapping[str, State]) -> list[dict[int, str]]:
         """By camera, whose body some of the people are: those together suit best."""
         names = list(expected)
-        claims = [self._trackers[name].claims(seen[name], expected[name]) for name in names]
+        claims = [self.trackers[name].claims(seen[name], expected[name]) for name in names]
         if not any(claims):
             return []
         owners: list[dict[int, str]] = []

@@ -303,8 +303,8 @@ class Tracker:
         return Neighbor(configured(self.model, expected), *(self._track.engine.colors or unknown))
 
     def people_of(self, image_set: ImageSet) -> PeopleSeen:
-        """Whom a detector has found in the images of a set, as the body's modalities take them; empty where none does."""
-        return () if self._late is None else self._late.in_time(image_set)
+        """Whom a detector has found, as the body's modalities take them, late or not; empty where they take none."""
+        return () if self._late is None else self._late.found(image_set)
 
     def claims(self, people: PeopleSeen, expected: State) -> list[np.ndarray]:
         """How well everybody suits the body where it is expected.

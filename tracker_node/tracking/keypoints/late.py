@@ -68,6 +68,11 @@ class LatePoints:
         images = [image_set.get(name) for name in self._rig.names]
         return [None if image is None or image.people_stamp_ns is not None else self._people(image) for image in images]
 
+    def found(self, image_set: ImageSet) -> list[People | None]:
+        """The people who come with the images, whichever they were found in; otherwise as `in_time`."""
+        images = [image_set.get(name) for name in self._rig.names]
+        return [None if image is None else self._people(image) for image in images]
+
     def since(self, image_set: ImageSet) -> list[PastSet]:
         """Take out the image sets from that on in which the late points of ``image_set`` were found, which has them then.
 
