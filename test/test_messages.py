@@ -13,7 +13,8 @@ from tracker_node.tracking.estimate import LimbStatus, Status
 
 STATUS_VALUES = {"INITIALIZING": 0, "TRACKING": 1, "DEGRADED": 2, "LOST": 3}
 LIMB_VALUES = {"LIMB_TRACKING": 1, "LIMB_DEGRADED": 2, "LIMB_LOST": 3, "LIMB_UNSEEN": 4}
-TYPES = {name: f"msgs/msg/{name}.msg" for name in ("TrackedState", "StateCovariance", "Crops", "KeypointPerson", "Keypoints")}
+NAMES = ("TrackedState", "StateCovariance", "Bodies", "Crops", "KeypointPerson", "Keypoints")
+TYPES = {name: f"msgs/msg/{name}.msg" for name in NAMES}
 
 
 def test_tracked_state_of_the_installed_package() -> None:

@@ -22,6 +22,20 @@ def short_switches() -> Iterator[None]:
         sys.setswitchinterval(before)
 
 
+def serial(function: Callable, items: list) -> list:
+    """Map a function over cameras on the calling thread.
+
+    Parameters
+    ----------
+    function, items : what is called, and with what.
+
+    Returns
+    -------
+    What it returns, in order.
+    """
+    return [function(item) for item in items]
+
+
 class Workers:
     """Maps a function over cameras on ``threads`` threads, the calling one among them.
 

@@ -148,7 +148,7 @@ def test_another_body_is_before_this_one_or_behind_it():
     for sign, before in ((1.0, True), (-1.0, False)):
         other = beside(*(0.8 * sign * toward))
         occluders = Occluders(None, RIG)
-        occluders.show([neighbor(other)], BODY)
+        occluders.show([neighbor(other)], neighbor(BODY))
         view = render_view(other, camera)
         (labels, colors), depth = occluders.neighbors[0], occluders.depths[0]
         np.testing.assert_array_equal(depth, view.depth)
@@ -171,7 +171,7 @@ def test_another_body_is_before_this_one_or_behind_it():
 
 def test_colors_of_several_others_are_told_apart():
     occluders, a, b = Occluders(None, RIG), beside(0.0, -0.9), beside(0.0, 0.9)
-    occluders.show([neighbor(a), neighbor(b)], beside(0.0, 30.0))
+    occluders.show([neighbor(a), neighbor(b)], neighbor(beside(0.0, 30.0)))
     for i, camera in enumerate(RIG):
         views = [render_view(body, camera) for body in (a, b)]
         labels, colors = occluders.neighbors[i]
@@ -182,19 +182,19 @@ def test_colors_of_several_others_are_told_apart():
 
 def test_of_whom_nothing_is_known_nothing_is_told():
     occluders, other = Occluders(None, RIG), beside(0.0, 0.9)
-    for given, own in ((neighbor(other, known=False), BODY), (neighbor(other), None)):
+    for given, own in ((neighbor(other, known=False), neighbor(BODY)), (neighbor(other), None)):
         occluders.show([given], own)
         for i, camera in enumerate(RIG):
             shown = render_view(other, camera).labels > 0
             np.testing.assert_array_equal(occluders.neighbors[i][0] == SAYS_NOTHING, shown)
-    occluders.show([], BODY)
+    occluders.show([], neighbor(BODY))
     assert occluders.depths == [NOTHING] * len(RIG) and occluders.neighbors == [NO_NEIGHBORS] * len(RIG)
 
 
 def test_fixed_things_hide_others_too():
     scene, _ = screen(0.6)
     fixed, occluders = Occluders(scene, RIG), Occluders(scene, RIG)
-    occluders.show([neighbor(BODY)], beside(0.0, 30.0))
+    occluders.show([neighbor(BODY)], neighbor(beside(0.0, 30.0)))
     behind = fixed.depths[0] < render_view(BODY, RIG.cameras[0]).depth
     assert not occluders.neighbors[0][0][behind].any() and occluders.neighbors[0][0].any()
     np.testing.assert_array_equal(occluders.depths[0], np.minimum(fixed.depths[0], render_view(BODY, RIG.cameras[0]).depth))

@@ -11,7 +11,7 @@ from helpers.cameras.camera_rigs import circle_rig
 from helpers.cameras.two_people import MODELS, N_SETS, SCENE, image_set, mean_error_m, states
 from tracker_node.model.configuration import Configuration
 from tracker_node.runs.loop import TrackingLoop
-from tracker_node.tracking.bodies import Bodies
+from tracker_node.tracking.bodies import Bodies, shared_threads
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
@@ -68,6 +68,14 @@ def test_each_knows_where_the_other_is_expected(sets):
 def test_one_body_alone_sees_its_images_as_they_are(sets):
     each = {"one": trackers()["one"]}
     assert Bodies(each)._sets_of(sets[0])["one"] is sets[0]
+
+
+def test_bodies_at_once_are_what_they_are_one_after_the_other(sets):
+    one_by_one, at_once = Bodies(trackers()), Bodies(trackers(), 2)
+    for one in sets[:6]:
+        others = step(at_once, one)
+        for name, estimate in step(one_by_one, one).items():
+            np.testing.assert_array_equal(estimate.state.to_values(), others[name].state.to_values())
 
 
 def test_a_recording_that_begins_again_is_tracked_as_before(sets):
@@ -168,3 +176,9 @@ def test_late_points_are_each_ones_too():
         step(bodies, replace(now, images=images))
     for name, estimate in bodies.estimates.items():
         assert estimate.status is not Status.LOST and off_m(estimate.state, walking(name, period[-1])).mean() < 0.15
+
+
+def test_threads_go_to_bodies_first():
+    assert [shared_threads(*each) for each in ((1, 2), (2, 2), (2, 3), (4, 2), (8, 3), (2, 1))] == [
+        (1, 1), (2, 1), (2, 1), (2, 2), (3, 2), (1, 2)
+    ]  # fmt: skip

@@ -5,7 +5,7 @@ The contours of a body that one camera sees, sample by sample.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,20 +28,6 @@ def camera_constants(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray
         np.ascontiguousarray(T[:3, 3]),
         np.ascontiguousarray(camera.center),
     )
-
-
-def serial(function: Callable, items: list) -> list:
-    """Map a function over cameras on the calling thread.
-
-    Parameters
-    ----------
-    function, items : what is called, and with what.
-
-    Returns
-    -------
-    What it returns, in order.
-    """
-    return [function(item) for item in items]
 
 
 def moved_configuration(model: ArticulatedModel, state: State, offset: np.ndarray) -> Configuration:

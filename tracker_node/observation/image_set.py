@@ -52,13 +52,14 @@ class ImageSet:
     """Images of one time step; cameras that gave none are absent.
 
     ``stamp_ns`` is the set's reference stamp (that of its earliest image); ``images`` is in the order of the rig.
-    ``joint_positions``: what a robot says of its joints at that stamp, radians or meters by the axis's name. ``neighbors``:
-    other bodies that are followed in these images.
+    ``joint_positions``: what a robot says of its joints at that stamp, radians or meters by the axis's name. ``own``,
+    ``neighbors``: where the body and others that are followed in these images are expected; None, empty: nobody has said.
     """
 
     stamp_ns: int
     images: tuple[CameraImage, ...]
     joint_positions: Mapping[str, float] = field(default_factory=dict)
+    own: Neighbor | None = None
     neighbors: tuple[Neighbor, ...] = ()
 
     def get(self, camera: str) -> CameraImage | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -14,9 +14,11 @@ from ..compiled.kernels import compiled
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.neighbors import Neighbor
+from ..parallel import serial
 from .contour.samples import DEPTH, NU, NV, U, V
 from .raycast.raycaster import render_labels, render_view, render_where_seen
 from .renderer import Region, RenderedView
+from .shape_arrays import MadeOnce
 
 NOTHING = np.empty((0, 0), dtype=np.float32)
 SAYS_NOTHING = 255  # label of a pixel in which another body stands before this one, or may
@@ -55,6 +57,7 @@ class Occluders:
     ----------
     scene : fixed shapes, the root at the world's origin and joints neutral; None: nothing is in the way.
     rig : cameras that do not move.
+    parallel : maps a function over cameras.
 
     Attributes
     ----------
@@ -62,8 +65,8 @@ class Occluders:
     neighbors : per camera, the other bodies, for kernels.
     """
 
-    def __init__(self, scene: ArticulatedModel | None, rig: CameraRig):
-        self._rig = rig
+    def __init__(self, scene: ArticulatedModel | None, rig: CameraRig, parallel: Callable[[Callable, list], list] = serial):
+        self._rig, self._parallel = rig, parallel
         self._fixed: list[np.ndarray] = [NOTHING] * len(rig)
         if scene is not None:
             configuration = Configuration(scene, State.neutral(scene))
@@ -72,7 +75,7 @@ class Occluders:
         self._boxes: list[Region] = [(0, 0, 0, 0)] * len(rig)  # where the neighbors are
         self._small: dict[tuple[int, int], tuple[CameraModel, CameraModel]] = {}
 
-    def show(self, neighbors: Sequence[Neighbor], own: Configuration | None) -> None:
+    def show(self, neighbors: Sequence[Neighbor], own: Neighbor | None) -> None:
         """Have other bodies stand about, in place of those before; who holds ``depths`` and ``neighbors`` sees them.
 
         Parameters
@@ -80,15 +83,18 @@ class Occluders:
         neighbors : where they are expected.
         own : where this body is expected; None: it is not known.
         """
-        for i, camera in enumerate(self._rig):
-            views = [(neighbor, render_where_seen(neighbor.body, camera)) for neighbor in neighbors]
+
+        def show(i: int) -> None:
+            views = [(neighbor, _seen(neighbor, i, self._rig.cameras[i])) for neighbor in neighbors]
             drawn = [(neighbor, view) for neighbor, view in views if view is not None]
             if drawn:
-                self._draw(i, camera, drawn, own)
+                self._draw(i, self._rig.cameras[i], drawn, own)
             else:
                 self.depths[i], self.neighbors[i] = self._fixed[i], NO_NEIGHBORS
 
-    def _draw(self, i: int, camera: Camera, drawn: list[tuple[Neighbor, RenderedView]], own: Configuration | None) -> None:
+        self._parallel(show, list(range(len(self._rig))))
+
+    def _draw(self, i: int, camera: Camera, drawn: list[tuple[Neighbor, RenderedView]], own: Neighbor | None) -> None:
         size, fixed = (camera.model.height, camera.model.width), self._fixed[i]
         labels, depth = np.zeros(size, np.uint8), np.full(size, np.inf, np.float32)
         colors: list[np.ndarray] = []
@@ -97,13 +103,15 @@ class Occluders:
             if known is not None:
                 table[1 : len(neighbor.classes) + 1] = 1 + sum(map(len, colors)) + neighbor.classes
                 colors.append(known)
-            here, its_labels = _on(view.region), cv2.LUT(view.labels, table)
-            nearer = view.depth < depth[here]
-            depth[here][nearer], labels[here][nearer] = view.depth[nearer], its_labels[nearer]
+            _add(view.labels, view.depth, table, labels[_on(view.region)], depth[_on(view.region)])
+        root, near = np.inf, None
+        if own is not None:
+            root, near = float((camera.T_cam_world @ own.body.state.T_world_root[:, 3])[2]), _seen(own, i, camera)
+        # The body is not exactly where it is expected: about it as near as it is close by
+        around = _NOWHERE if near is None else cv2.erode(near.depth, np.ones((2 * _AROUND_PX + 1,) * 2, np.uint8))
+        corner = (0, 0) if near is None else near.region[:2]
         for _, view in drawn:
-            here = _on(view.region)
-            before = depth[here] < _own_depth(own, camera, view.region) - _TOUCH_M
-            labels[here][before & (labels[here] > 0)] = SAYS_NOTHING
+            _hush(view.region, around, corner, np.float32(root), labels, depth)
         if fixed.size:
             labels[fixed < depth] = 0
         corners = np.array([view.region for _, view in drawn])
@@ -189,26 +197,49 @@ def _on(region: Region) -> tuple[slice, slice]:
     return slice(region[1], region[3]), slice(region[0], region[2])
 
 
-def _own_depth(own: Configuration | None, camera: Camera, region: Region) -> np.ndarray:
-    """(h, w) on a region of the image: how far the body is where it may be, its root elsewhere; infinite if it is not known.
+_NOWHERE = np.full((1, 1), np.inf, np.float32)
 
-    The body is not exactly where it is expected: about it as near as it is close by.
+
+def _no_views(neighbor: Neighbor) -> dict[int, RenderedView | None]:
+    return {}
+
+
+_views: Callable[[Neighbor], dict[int, RenderedView | None]] = MadeOnce(_no_views)
+
+
+def _seen(neighbor: Neighbor, index: int, camera: Camera) -> RenderedView | None:
+    """Where a body is seen, drawn once for all who ask."""
+    views = _views(neighbor)
+    if index not in views:
+        views[index] = render_where_seen(neighbor.body, camera)
+    return views[index]
+
+
+@compiled
+def _add(their_labels, their_depth, table, labels, depth):
+    """Put a body into labels and depth (h, w), where it is nearer; ``table`` (256,) says what its labels become."""
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            if their_depth[i, j] < depth[i, j]:
+                depth[i, j], labels[i, j] = their_depth[i, j], table[their_labels[i, j]]
+
+
+@compiled
+def _hush(region, around, corner, root, labels, depth):
+    """Say `SAYS_NOTHING` in a region where others stand before the body.
+
+    That is at the depth of ``around`` (h, w), whose first pixel is at ``corner`` (u, v), where that is finite; at ``root``
+    elsewhere.
     """
-    depth = np.full((region[3] - region[1], region[2] - region[0]), np.inf, np.float32)
-    if own is None:
-        return depth
-    depth[:] = (camera.T_cam_world @ own.state.T_world_root[:, 3])[2]
-    view = render_where_seen(own, camera)
-    if view is not None:
-        u0, v0, u1, v1 = (max(region[0], view.region[0]), max(region[1], view.region[1]), min(region[2], view.region[2]),
-                          min(region[3], view.region[3]))  # fmt: skip
-        if u0 < u1 and v0 < v1:
-            near = cv2.erode(view.depth, np.ones((2 * _AROUND_PX + 1,) * 2, np.uint8))[_on((
-                u0 - view.region[0], v0 - view.region[1], u1 - view.region[0], v1 - view.region[1]
-            ))]  # fmt: skip
-            here = depth[_on((u0 - region[0], v0 - region[1], u1 - region[0], v1 - region[1]))]
-            here[:] = np.where(np.isfinite(near), near, here)
-    return depth
+    for v in range(region[1], region[3]):
+        for u in range(region[0], region[2]):
+            if labels[v, u] == 0:
+                continue
+            i, j, own = v - corner[1], u - corner[0], root
+            if 0 <= i < around.shape[0] and 0 <= j < around.shape[1] and around[i, j] < np.inf:
+                own = around[i, j]
+            if depth[v, u] < own - np.float32(_TOUCH_M):
+                labels[v, u] = SAYS_NOTHING
 
 
 def _grown(mask: np.ndarray, by_px: int) -> np.ndarray:

@@ -19,7 +19,7 @@ from typing import Any
 
 from tracker_msgs.msg import TrackedState
 
-from ..loaders.bag.message_types import KEYPOINTS
+from ..loaders.bag.message_types import BODIES, KEYPOINTS
 from ..loaders.source_address import sources_for_child
 from ..runs.messages import CAMERA_INFO, IMAGE
 from ..runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, MARKER_ARRAY, MARKERS, Output, recorded
@@ -51,6 +51,7 @@ class PipelineOptions:
     source : options of ``tracker_node camera_ingest``.
     sources : camera -> source, instead of the rig's; handed over where nobody else can read a password in them.
     cameras : names, for the topics.
+    bodies : names of several that are tracked together, for the topics; empty: there is one.
     bag : folder to record to, or None.
     masks, overlays, masked_images, markers, images : record these too.
     recorder : further options of ``tracker_node recorder``.
@@ -65,6 +66,7 @@ class PipelineOptions:
     body: list[str]
     source: list[str]
     cameras: tuple[str, ...]
+    bodies: tuple[str, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
     bag: Path | None = None
     masks: bool = False
@@ -83,23 +85,27 @@ class PipelineOptions:
     def recorded_topics(self) -> list[str]:
         """``name:type`` of everything that goes into the bag."""
         of_body, of_cameras = self._recorded_outputs
-        topics = [
-            *(f"tracker/{output.topic}:{output.type_name}" for output in of_body),
-            DESCRIPTION,  # latched: recorded when its publisher is there and has said so
-            "/diagnostics:diagnostic_msgs/msg/DiagnosticArray",
-        ]
+        topics = ["/diagnostics:diagnostic_msgs/msg/DiagnosticArray", *([f"tracker/bodies:{BODIES}"] if self.bodies else [])]
+        for of in self.prefixes:
+            topics += [f"tracker/{of}{output.topic}:{output.type_name}" for output in of_body]
+            topics.append(of + DESCRIPTION)  # latched: recorded when its publisher is there and has said so
+            if self.markers:
+                topics.append(f"tracker/{of}{MARKERS}:{MARKER_ARRAY}")
+            topics += [f"tracker/{of}{name}/{output.topic}:{output.type_name}" for name in self.cameras for output in of_cameras]
         if find_spec("tf2_msgs") is not None:
             topics += ["/tf:tf2_msgs/msg/TFMessage", "/tf_static:tf2_msgs/msg/TFMessage"]
-        if self.markers:
-            topics.append(f"tracker/{MARKERS}:{MARKER_ARRAY}")
         for camera in self.cameras:
             topics.append(f"{camera}/camera_info:{CAMERA_INFO}")
             if self.detector is not None:
                 topics.append(f"{camera}/keypoints:{KEYPOINTS}")
             if self.images:
                 topics.append(f"{camera}/image_raw:{IMAGE}")
-            topics += [f"tracker/{camera}/{output.topic}:{output.type_name}" for output in of_cameras]
         return topics
+
+    @property
+    def prefixes(self) -> tuple[str, ...]:
+        """Before the tracker's topics of each body; the last one's state is the last that is said of an image set."""
+        return tuple(f"{name}/" for name in self.bodies) or ("",)
 
     def recorded_names(self) -> list[str]:
         """Outputs of the tracker that go into the bag."""
@@ -147,7 +153,8 @@ class Pipeline:
         self._shown_s = 0.0
         self.interrupted = False
         self._recorder_ready, self._detector_ready = threading.Event(), threading.Event()
-        self._subscription = node.create_subscription(TrackedState, "tracker/state", self.progress.add, RESULT)
+        self._last = f"tracker/{options.prefixes[-1]}"
+        self._subscription = node.create_subscription(TrackedState, f"{self._last}state", self.progress.add, RESULT)
 
     def run(self) -> int:
         """Until the sources have ended, or something or somebody ends it; returns the exit status."""
@@ -166,9 +173,11 @@ class Pipeline:
             self._children["recorder"] = Child(arguments, self._on_recorder_line)
             if not self._wait_for("the recorder", self._recorder_ready.is_set):
                 return False
-        listeners = [f"state={_N_LISTENERS - (not options.lossless) + (options.bag is not None)}"]
+        *others, last = options.prefixes
+        listeners = [f"{last}state={_N_LISTENERS - (not options.lossless) + (options.bag is not None)}"]
         if options.bag is not None:
-            listeners += [f"{name}=1" for name in options.recorded_names() if name != "state"]
+            listeners += [f"{of}state=1" for of in others]
+            listeners += [f"{of}{name}=1" for of in options.prefixes for name in options.recorded_names() if name != "state"]
         lossless = ["--lossless"] if options.lossless else []
         tracker = ["tracker", *options.body, *lossless, "--end-on-failure", "--wait-for", *listeners]
         self._children["tracker"] = Child([*tracker, *options.ros_args])
@@ -180,7 +189,7 @@ class Pipeline:
         if options.detector is not None and not self._wait_for("the detector of people", self._detector_ready.is_set):
             return False
         recorded = options.bag is not None
-        pace = ["--as-fast-as-consumed", "--consumer", "tracker"] if options.lossless else []
+        pace = ["--as-fast-as-consumed", "--consumer", self._last.rstrip("/")] if options.lossless else []
         n_subscribers = 1 + (recorded and options.images) + (options.detector is not None)
         waits = ["--wait-for-subscribers", str(n_subscribers)]
         waits += ["--wait-for-info-subscribers", str(1 + recorded)]

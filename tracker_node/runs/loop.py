@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -41,13 +41,15 @@ Prepare = Callable[[Any, ImageSet], ImageSet]
 class StartRequest:
     """How the tracker is to begin with the next image set, and the state at which; None: not at a given one.
 
-    ``forgets_state``: where the body was does not matter any more; ``forgets_clock``: neither do the stamps.
+    ``forgets_state``: where the body was does not matter any more; ``forgets_clock``: neither do the stamps. ``body``: of several
+    bodies, the one that is meant; "": all.
     """
 
     tell: Callable[[Steppable], None]
     state: State | None = None
     forgets_state: bool = False
     forgets_clock: bool = False
+    body: str = ""
 
 
 class TrackingLoop:
@@ -73,6 +75,13 @@ class TrackingLoop:
         self.request: StartRequest | None = None
         self.tracked_set: ImageSet | None = None
         self._last_ns: int | None = None
+
+    @property
+    def estimates(self) -> Mapping[str, TrackEstimate]:
+        """The latest since it began, by the name of the body; "" of one that is alone."""
+        if self.tracked is None:
+            return {}
+        return self.tracker.estimates if isinstance(self.tracker, Bodies) else {"": self.tracked}
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Track an image set; where its stamp goes back, the tracker begins anew. What it teaches is learned by `learn`.

@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
 from ..observation.joint_states import JointStates
 from ..parallel import short_switches
-from ..tracking.bodies import Bodies
+from ..tracking.bodies import Bodies, shared_threads
 from ..tracking.config import KEYPOINTS, REGION, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
 from ..tracking.tracker import Tracker
@@ -201,8 +201,9 @@ def run_together(
         backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
         table = run.table if recorded is None else recorded.table
         detection = _detection_of(using, rig, reader) if recorded is None else recorded
+        at_once, threads = shared_threads(run.config.threads, len(runs))
         bodies = {
-            name: _Followed(each, rig, backgrounds, table, outputs[name], _detector_name(each, detection), stack)
+            name: _Followed(each, threads, rig, backgrounds, table, outputs[name], _detector_name(each, detection), stack)
             for name, each in runs.items()
         }
         joint_states = _joint_states_of(run)
@@ -213,7 +214,7 @@ def run_together(
 
         if any(REGION in each.config.modalities for each in runs.values()):
             compile_ahead(show_progress)
-        loop = TrackingLoop(Bodies({name: body.tracker for name, body in bodies.items()}), prepared)
+        loop = TrackingLoop(Bodies({name: body.tracker for name, body in bodies.items()}, at_once), prepared)
         try:
             _track(run, loop, stream, bodies, progress)
         except TrackerError as error:
@@ -227,11 +228,11 @@ class _Followed:
     """One body of a run: its tracker, and what is written of it."""
 
     def __init__(
-        self, run: OfflineRun, rig: CameraRig, backgrounds: Mapping, table: KeypointTable | None, output: Path,
+        self, run: OfflineRun, threads: int, rig: CameraRig, backgrounds: Mapping, table: KeypointTable | None, output: Path,
         detector: str | None, stack: ExitStack,
     ):  # fmt: skip
-        self._run = run
-        self.tracker = Tracker(rig, run.model, run.config, backgrounds, run.initial_state, run.occluders, table)
+        self._run, config = run, replace(run.config, threads=threads)
+        self.tracker = Tracker(rig, run.model, config, backgrounds, run.initial_state, run.occluders, table)
         if run.person is not None:
             if run.initial_state is not None:
                 raise TrackerError("expected a place to search a person at (--person) or an initial state, got both")

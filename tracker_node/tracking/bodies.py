@@ -2,26 +2,28 @@
 
 Before the trackers take an image set, everybody is where the sets before say. A body is compared with images in which the others
 stand about: what is behind one of them says nothing of it, what shows one of them is no background. Whom a detector has found
-is at most one body in each camera.
+is at most one body in each camera; of people who hold each other only outlines tell.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..model.configuration import State
+from ..model.configuration import State, configured
 from ..model.neighbors import Neighbor
 from ..observation.image_set import CameraImage, ImageSet
 from ..observation.keypoints.crop import Crop
+from ..parallel import Workers
 from .estimate import Status, TrackEstimate
 from .modality import PeopleSeen
 from .tracker import Tracker
 
+_IN_TOUCH_M = 0.4  # between landmarks of two people; nearer, a detector mixes up whose arms are whose
 _APART_M = 0.3  # roots of two bodies that begin at once
 _NOWHERE = 100.0  # what it costs that a body begins nowhere, meters or information a point
 _NEVER = 1e6
@@ -34,6 +36,7 @@ class Bodies:
     Parameters
     ----------
     trackers : by the name of the body, all of one rig.
+    at_once : bodies that are worked on at once, each on a thread and those of its tracker (`shared_threads`).
 
     Attributes
     ----------
@@ -41,19 +44,21 @@ class Bodies:
     estimates : of the latest image set, by the name of the body.
     """
 
-    def __init__(self, trackers: Mapping[str, Tracker]):
+    def __init__(self, trackers: Mapping[str, Tracker], at_once: int = 1):
         self.trackers, self.estimates = dict(trackers), dict[str, TrackEstimate]()
+        self._workers = Workers(at_once)
 
     def estimate(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate all states for one image set; returned is that of whoever is worst off, all are in ``estimates``."""
-        sets = self._sets_of(image_set)
-        self.estimates = {name: tracker.estimate(sets[name]) for name, tracker in self.trackers.items()}
+        self.learn()  # what others look like is as of the set before, whenever somebody has asked for that
+        sets, names = self._sets_of(image_set), list(self.trackers)
+        estimates = self._workers.map(lambda name: self.trackers[name].estimate(sets[name]), names)
+        self.estimates = dict(zip(names, estimates, strict=True))
         return max(self.estimates.values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status))
 
     def learn(self) -> None:
         """See `Tracker.learn`."""
-        for tracker in self.trackers.values():
-            tracker.learn()
+        self._workers.map(Tracker.learn, list(self.trackers.values()))
 
     def reset(self) -> None:
         """See `Tracker.reset`."""
@@ -99,13 +104,15 @@ class Bodies:
         neighbors = {name: tracker.as_neighbor(image_set.stamp_ns) for name, tracker in self.trackers.items()}
         people = self._people_of_each(image_set)
         return {
-            name: replace(image_set, images=people[name], neighbors=_others(neighbors, name)) for name in self.trackers
-        }  # fmt: skip
+            name: replace(image_set, images=people[name], own=neighbors[name], neighbors=_others(neighbors, name))
+            for name in self.trackers
+        }
 
     def _people_of_each(self, image_set: ImageSet) -> dict[str, tuple[CameraImage, ...]]:
         """By body, the images without those people who are other bodies."""
         seen = {name: tracker.people_of(image_set) for name, tracker in self.trackers.items()}
         expected = {name: tracker.expected(image_set.stamp_ns) for name, tracker in self.trackers.items() if seen[name]}
+        in_touch = self._in_touch({name: state for name, state in expected.items() if state is not None})
         owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
         unknown = [name for name, state in expected.items() if state is None]
         if len(unknown) > 1:
@@ -113,7 +120,20 @@ class Bodies:
             expected |= _begun({name: self.trackers[name].candidates(free[name]) for name in unknown})
             owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
         cameras = next(iter(self.trackers.values())).rig.names
-        return {name: tuple(_left(image, cameras, owners, name) for image in image_set.images) for name in self.trackers}
+        return {
+            name: tuple(_left(image, cameras, owners, name, name in in_touch) for image in image_set.images)
+            for name in self.trackers
+        }
+
+    def _in_touch(self, expected: Mapping[str, State]) -> set[str]:
+        """People who are so near to each other that points say little of them, and whom outlines hold."""
+        places = {name: configured(self.trackers[name].model, state).landmarks_world for name, state in expected.items()}
+        found = set()
+        for one, other in combinations(places, 2):
+            apart = np.linalg.norm(places[one][:, None] - places[other], axis=2)
+            if apart.size and apart.min() < _IN_TOUCH_M:
+                found |= {one, other}
+        return {name for name in found if self.trackers[name].config.contours}
 
     def _owners(self, seen: Mapping[str, PeopleSeen], expected: Mapping[str, State]) -> list[dict[int, str]]:
         """By camera, whose body some of the people are: those together suit best."""
@@ -130,14 +150,33 @@ class Bodies:
         return owners
 
 
+def shared_threads(threads: int, bodies: int) -> tuple[int, int]:
+    """How threads are shared out: to have a body for each is faster than to have all of them at one after the other.
+
+    Parameters
+    ----------
+    threads, bodies : how many there are.
+
+    Returns
+    -------
+    Bodies at once, and threads of each tracker.
+    """
+    at_once = max(1, min(threads, bodies))
+    return at_once, max(1, threads // at_once)
+
+
 def _others(neighbors: Mapping[str, Neighbor | None], name: str) -> tuple[Neighbor, ...]:
     return tuple(neighbor for other, neighbor in neighbors.items() if other != name and neighbor is not None)
 
 
-def _left(image: CameraImage, cameras: Sequence[str], owners: Sequence[dict[int, str]], name: str) -> CameraImage:
-    """The image without the people who are other bodies."""
+def _left(
+    image: CameraImage, cameras: Sequence[str], owners: Sequence[dict[int, str]], name: str, in_touch: bool
+) -> CameraImage:
+    """The image without the people who are other bodies, or without any."""
     if not image.people or not owners:
         return image
+    if in_touch:
+        return replace(image, people=())
     owned = owners[cameras.index(image.camera)]
     return replace(image, people=tuple(person for k, person in enumerate(image.people) if owned.get(k, name) == name))
 

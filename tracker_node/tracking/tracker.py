@@ -129,7 +129,8 @@ class Tracker:
         self.rig, self.model = rig, model
         self.config = config = checked_combination(config or TrackerConfig(), "tracker config")
         self._initial_state, backgrounds, keypoints = initial_state, backgrounds or {}, keypoints or BLAZEPOSE
-        self._occluders = shared = occluders if isinstance(occluders, Occluders) else Occluders(occluders, rig)
+        shared = occluders if isinstance(occluders, Occluders) else Occluders(occluders, rig, Workers(config.threads).map)
+        self._occluders = shared
 
         def engine() -> AnyEngine:
             return make_engine(rig, model, config, backgrounds, shared, keypoints)
@@ -297,8 +298,9 @@ class Tracker:
     def as_neighbor(self, stamp_ns: int) -> Neighbor | None:
         """The body as others in the same images have to know it; None where it is not known, or LOST."""
         expected = self.expected(stamp_ns)
-        if expected is None:
-            return None
+        return None if expected is None else self._as_neighbor(expected)
+
+    def _as_neighbor(self, expected: State) -> Neighbor:
         unknown = np.zeros(len(self.model.shapes), np.int32), [None] * len(self.rig)
         return Neighbor(configured(self.model, expected), *(self._track.engine.colors or unknown))
 
@@ -436,7 +438,11 @@ class Tracker:
 
     def _show(self, image_set: ImageSet, expected: State | None) -> None:
         """Have other bodies stand about this one."""
-        own = configured(self.model, expected) if expected is not None and image_set.neighbors else None
+        own = image_set.own
+        if expected is None or not image_set.neighbors:
+            own = None
+        elif own is None or not _same(own.body.state, expected):
+            own = self._as_neighbor(expected)
         self._occluders.show(image_set.neighbors, own)
 
     def _predicted(self, image_set: ImageSet) -> Prediction | None:
@@ -669,6 +675,11 @@ class Tracker:
                 track.motion.update(stamp_ns, state, information)
         elif not (first and _nothing_seen(assessment)):  # else nothing has been learned: it begins again at the next image set
             track.motion.coast(stamp_ns, state)  # nothing is learned from what is taken for the body, nor how fast it is
+
+
+def _same(one: State, other: State) -> bool:
+    same_root = np.array_equal(one.T_world_root, other.T_world_root)
+    return same_root and np.array_equal(one.joint_positions, other.joint_positions)
 
 
 def _fixed(pixels: np.ndarray) -> np.ndarray:

@@ -167,7 +167,7 @@ def test_no_set_is_looked_at_before_all_subscribers_that_are_waited_for_are_ther
 def test_it_searches_around_the_body_and_elsewhere_where_nobody_is_there(build, probe):
     bench, near, empty = build(), Crop((20.0, 30.0), 40.0, 0.1), Crop((1.0, 1.0), 5.0)
     bench.crops.publish(message_of(Crops, crops(3 * PERIOD_NS, "world", ("cam1", "cam2"), (near, empty))))
-    probe.spin_until(lambda: bench.node._crops[1] == {"cam1": near, "cam2": empty}, "crops")
+    probe.spin_until(lambda: bench.node._crops["tracker"][1] == {"cam1": near, "cam2": empty}, "crops")
     bench.send(4)
     probe.spin_until(lambda: all(bench.points.values()), "points")
     assert bench.detector.searched == [(near,), (empty,), ()]
@@ -177,7 +177,7 @@ def test_it_searches_around_the_body_and_elsewhere_where_nobody_is_there(build, 
 def test_whole_images_are_searched_for_a_body_that_is_not_known_or_was_seen_long_ago(build, probe, squares, at):
     bench = build()
     bench.crops.publish(message_of(Crops, crops(3 * PERIOD_NS, "world", ("cam1", "cam2"), squares)))
-    probe.spin_until(lambda: bench.node._crops[0] > 0, "crops")
+    probe.spin_until(lambda: bench.node._crops["tracker"][0] > 0, "crops")
     bench.send(at)
     probe.spin_until(lambda: all(bench.points.values()), "points")
     assert bench.detector.searched == [(), ()]

@@ -198,7 +198,7 @@ def test_points_are_listened_to_only_where_they_are_among_the_modalities(build, 
 def test_crops_are_where_the_body_is_and_nowhere_while_it_is_lost(build, probe):
     bench = build()
     crops = probe.listen(Crops, "tracker/crops")
-    probe.spin_until(lambda: bench.node._outputs.subscriber_count("crops") > 0, "our subscription")
+    probe.spin_until(lambda: bench.node._outputs[""].subscriber_count("crops") > 0, "our subscription")
     bench.tracker.status = Status.TRACKING
     bench.track(1)
     bench.tracker.status = Status.LOST

@@ -53,7 +53,7 @@ def test_before_it_is_configured_there_is_nothing(make):
 
 def test_once_it_is_configured_the_worker_is_asked(make):
     node = make(initial_state=START)
-    assert node.configure() and node._worker._initial_state is START and node._worker.lossless
+    assert node.configure() and node._worker._initial_states[""] is START and node._worker.lossless
     node._worker.counts.skipped = 3
     node._worker._thread.fatal = error = RuntimeError("gone")
     assert node.skipped == 3 and node.fatal is error and set(node.counters()) == {"cam1", "cam2", "cam3"}
@@ -64,7 +64,7 @@ def test_once_it_is_configured_the_worker_is_asked(make):
 def test_without_a_state_the_neutral_one_is_first(make):
     node = make(lossless=False)
     assert node.configure() and not node._worker.lossless
-    assert (node._worker._initial_state.joint_positions == 0.0).all()
+    assert (node._worker._initial_states[""].joint_positions == 0.0).all()
 
 
 @pytest.fixture

@@ -177,11 +177,11 @@ def test_states_asked_for_in_parts_add_up(probe, build):
     bench.enable(False)
     bench.put(**{names[0]: 0.25})
     bench.put(elbow_flexion=0.7)
-    start = bench.node._worker.start_state.to_values()
+    start = bench.node._worker.start_state().to_values()
     assert (start[0], start[-1]) == (0.25, 0.7)
     assert probe.ask(Trigger, "tracker/reset", Trigger.Request()).success
     bench.put(elbow_flexion=0.5)
-    start = bench.node._worker.start_state.to_values()
+    start = bench.node._worker.start_state().to_values()
     assert (start[0], start[-1]) == (0.0, 0.5)
 
 
@@ -407,7 +407,7 @@ def test_what_nobody_has_foreseen_ends_no_tracking(probe, build, monkeypatch):
     """Neither an image that cannot be taken apart nor an estimate that cannot be told ends the thread; both are counted."""
     bench = build(lossless=True)
     bench.tracker.go.set()
-    usual, outputs = Received.decode, bench.node._outputs
+    usual, outputs = Received.decode, bench.node._outputs[""]
     monkeypatch.setattr(Received, "decode", lambda received: {}["pixels"] if received.camera == "cam2" else usual(received))
     bench.send(0)
     probe.spin_until(lambda: bench.node._worker.counts.refused["cam2"] == 1, "an image that is refused")

@@ -64,7 +64,7 @@ def bench(tmp_path):
 
 def test_what_a_new_worker_knows(bench):
     worker = bench.worker
-    assert worker.latest is None and worker.fatal is None and worker.at_work_since_s is None and worker.start_state is None
+    assert worker.latest is None and worker.fatal is None and worker.at_work_since_s is None and worker.start_state() is None
     assert worker.busy and not worker.paused and worker.lossless
     assert worker.rig is bench.rig and worker.config is CONFIG
 
@@ -117,7 +117,7 @@ def test_an_image_set_is_at_work_only_while_it_is_tracked(bench):
 def test_requests_are_obeyed_between_image_sets(bench):
     bench.worker._on_estimate = lambda *_: bench.worker.reinitialize() if not bench.tracker.told else None
     bench.step(10, 20)
-    assert bench.tracker.told == ["look anew"] and bench.worker.start_state is not None  # followed by the second
+    assert bench.tracker.told == ["look anew"] and bench.worker.start_state() is not None  # followed by the second
 
 
 def test_image_sets_without_lenses_are_counted_one_by_one(tmp_path):
@@ -139,14 +139,14 @@ def test_a_failed_image_set_is_lost_where_the_body_was_and_says_how_long_it_took
     assert estimate.state is START and [report.camera for report in estimate.cameras] == list(NAMES)
     assert bench.errors[0].startswith("image set 10: RuntimeError('no good')\nTraceback") and len(bench.errors) == 1
     assert (bench.counts.failed, bench.counts.lost, bench.counts.tracked) == (1, 1, 1)
-    assert bench.worker.start_state is None  # it was never tracked
+    assert bench.worker.start_state() is None  # it was never tracked
 
 
 def test_after_a_set_that_was_tracked_a_failed_one_is_where_that_left_the_body(bench):
     bench.tracker.failing = {20}
     bench.step(10, 20)
     first, second = (estimate for estimate, _ in bench.estimates)
-    assert second.state is first.state and second.state is not START and bench.worker.start_state is first.state
+    assert second.state is first.state and second.state is not START and bench.worker.start_state() is first.state
     assert (bench.counts.failed, bench.counts.lost, bench.counts.tracked) == (1, 1, 2)
 
 
@@ -280,15 +280,15 @@ def test_a_change_of_cameras_reaches_the_formation(bench):
 def test_the_next_start_is_as_asked_else_where_the_body_was(bench):
     bench.step(10)
     there = bench.estimates[0][0].state
-    assert bench.worker.start_state is there
+    assert bench.worker.start_state() is there
     other = moving_state(tracked_arm(), 3)
     bench.worker.set_state(other)
-    assert bench.worker.start_state is other  # before the tracker has been told
+    assert bench.worker.start_state() is other  # before the tracker has been told
     bench.worker.reinitialize()
-    assert bench.worker.start_state is None
+    assert bench.worker.start_state() is None
     bench.worker._thread.obey()
     bench.step(20)
-    assert bench.worker.start_state is bench.estimates[1][0].state
+    assert bench.worker.start_state() is bench.estimates[1][0].state
 
 
 @pytest.mark.parametrize(("ask", "told"), [("reset", "reset"), ("reinitialize", "look anew")])

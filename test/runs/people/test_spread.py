@@ -39,7 +39,7 @@ class Finder:
         self.asked: list[int] = []
 
     def __call__(self, tracker: Expecting, image_set: ImageSet) -> ImageSet:
-        assert tracker.expected_crops(image_set.stamp_ns) == [None] * len(RIG)
+        assert tracker.expected_crops(image_set.stamp_ns) == [()] * len(RIG)
         self.asked.append(image_set.stamp_ns)
         found = {RIG.names[0]: (PEOPLE[RIG.names[0]],), RIG.names[1]: (PEOPLE[RIG.names[1]],), RIG.names[2]: None}
         return replace(image_set, images=tuple(replace(each, people=found[each.camera]) for each in image_set.images))

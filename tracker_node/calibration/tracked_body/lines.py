@@ -14,11 +14,12 @@ from ...objective.chamfer.correspondences import ContourOptions
 from ...objective.contour_residual import read_samples
 from ...objective.lines import table
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer
-from ...objective.per_camera import SeenSamples, samples_seen, serial
+from ...objective.per_camera import SeenSamples, samples_seen
 from ...objective.shape_jacobian import ContourLines, normalized
 from ...observation.chamfer.observer import Observation
 from ...observation.image_set import ImageSet
 from ...observation.region.colors import color_classes
+from ...parallel import serial
 from ...render.contour import samples as cs
 from ...render.contour.generators import P
 from ...render.occluders import Occluders

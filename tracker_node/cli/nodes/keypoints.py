@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wait-for-subscribers", type=int, default=0, metavar="N", help="begin when the points of each camera have N of them"
     )
     parser.add_argument(
-        "--tracker", default="tracker", metavar="NODE", help="node whose crops say where to search (default: tracker; '': none)"
+        "--tracker", nargs="*", default=["tracker"], metavar="NODE",
+        help="whose crops say where to search: nodes, and NODE/BODY of one with several bodies (default: tracker; nothing: none)",
     )
     parser.add_argument("--config", metavar="FILE", help="tracker parameters: how images are matched (default: built in)")
 
@@ -80,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         make_detector=make,
         name=detector_name(args.weights),
         synchronizer=config.synchronizer,
-        tracker=args.tracker,
+        trackers=tuple(name for name in args.tracker if name),
         compressed=args.compressed,
         rate_hz=args.rate,
         lossless=args.lossless,

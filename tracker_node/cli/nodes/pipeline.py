@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..arguments.cameras import with_topics
-from ..arguments.recording import add_recording_argument, evaluation_of, fill_in
+from ..arguments.recording import add_recording_argument, by_body, evaluation_of, fill_in
 from ..arguments.runs import named_options, nothing_tracked
 from ..arguments.verbs import run_verb
 from .camera_ingest import add_source_arguments, cameras_of, source_options
@@ -81,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     n_sets = opened.n_sets(args.loop)
     if args.cameras:
         rig = rig.subset(args.cameras)
-    config = _checked_files(rig, args)
+    config = _checked_files(rig, args, recording)
     if args.bag is None and any(getattr(args, name) for name in RECORDED):
         switches = ", ".join(f"--{name.replace('_', '-')}" for name in RECORDED)
         raise TrackerError(f"{switches} say what is recorded: give --bag or --output too")
@@ -89,7 +90,9 @@ def run(args: argparse.Namespace) -> int:
         raise TrackerError(f"--bag {args.bag}: there is something already")
     folder = run_of_bag(args.bag) if args.bag else None
     asked = {name: value for name, value in named_options(args).items() if name != "bag"}  # images come from no bag
+    bodies = tuple(recording.bodies) if recording is not None else ()
     options = PipelineOptions(
+        bodies=bodies,
         body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
         source=_source_options(args),
         sources=dict(args.source),
@@ -100,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
         masked_images=args.masked_images,
         markers=args.markers,
         images=args.images,
-        detector=_detector_options(args, list(opened.cameras), KEYPOINTS in config.modalities),
+        detector=_detector_options(args, list(opened.cameras), bodies, KEYPOINTS in config.modalities),
         recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
         lossless=not args.real_time,
         n_expected=n_sets,
@@ -111,19 +114,31 @@ def run(args: argparse.Namespace) -> int:
     status, progress, interrupted = run_pipeline(options)
     counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
     print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
-    arguments = evaluation_of(recording, args, {"": args.bag}, args.output or args.bag.parent) if recording and args.bag else []
+    evaluations = _evaluations(args, recording) if recording is not None and args.bag else []
     if interrupted:
-        if arguments:
+        for arguments in evaluations:
             print(f"not evaluated, as it was ended early; to do it: tracker_node {shlex.join(arguments)}")
         raise KeyboardInterrupt if status == 0 else SystemExit(status)
     by_status = {each.name: n for each, n in progress.statuses.items()}
     untracked = nothing_tracked("pipeline", by_status, "", args.initial_state is not None) if status == 0 else 0
-    if status == 0 and arguments:
-        status = run_verb(*arguments)
+    if status == 0:
+        status = next((code for code in [run_verb(*arguments) for arguments in evaluations] if code), 0)
     return status or untracked
 
 
-def _checked_files(rig, args: argparse.Namespace) -> TrackerConfig:
+def _evaluations(args: argparse.Namespace, recording: RecordingFile) -> list[list[str]]:
+    """A command line of ``evaluate`` for each body that is compared with something."""
+    found = []
+    for name, (own, alone) in by_body(args, recording).items():
+        assert alone is not None
+        output = args.output or args.bag.parent
+        arguments = evaluation_of(alone, own, {"": args.bag}, output / name)
+        if arguments:
+            found.append([*arguments, *(["--topic", f"/tracker/{name}/state", "--model", str(own.model)] if name else [])])
+    return found
+
+
+def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | None) -> TrackerConfig:
     """Mistakes in files are said before anything is started; parameters of the tracker."""
     from ...loaders.images.source import load_backgrounds
     from ...loaders.model.model_yaml import load_model
@@ -131,10 +146,11 @@ def _checked_files(rig, args: argparse.Namespace) -> TrackerConfig:
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
 
-    model = load_model(args.model)
     config = load_config(args.config) if args.config else TrackerConfig()
-    if args.initial_state:
-        load_state(args.initial_state, model)
+    for own, _ in by_body(args, recording).values():
+        model = load_model(own.model)
+        if own.initial_state:
+            load_state(own.initial_state, model)
     if args.occluders:
         load_model(args.occluders)
     load_backgrounds(rig)
@@ -150,16 +166,13 @@ def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:
     """
     from ...errors import FileFormatError
 
-    offline = {
-        "bodies": ", ".join(recording.bodies) or None, "keypoints.files": recording.keypoints.files, "person": recording.person,
-        "joint_states": recording.joint_states,
-    }  # fmt: skip
+    offline = {"keypoints.files": recording.keypoints.files, "person": recording.person, "joint_states": recording.joint_states}
     for name, value in offline.items():
         if value is not None:
             raise FileFormatError(args.recording, name, "nothing: it is for tracker_node track", value)
 
 
-def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool) -> list[str] | None:
+def _detector_options(args: argparse.Namespace, cameras: list[str], bodies: Sequence[str], wanted: bool) -> list[str] | None:
     """Options of the node keypoints; None where it is not started, which is said where points are wanted."""
     from ...errors import TrackerError
     from ...loaders.pose_weights import usable_weights
@@ -175,6 +188,7 @@ def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool
         return None
     listeners = wanted + (args.bag is not None)  # the tracker, if it compares points, and the recorder
     result = ["--rig", str(args.rig), "--cameras", *cameras, "--wait-for-subscribers", str(listeners)]
+    result += ["--tracker", *(f"tracker/{name}" for name in bodies)] if bodies else []
     rate = args.keypoints_rate
     if rate is None and not args.real_time:  # the tracker waits for the points of every set
         rate, result = 0.0, [*result, "--lossless", "--niceness", "0"]
@@ -184,7 +198,8 @@ def _detector_options(args: argparse.Namespace, cameras: list[str], wanted: bool
 
 
 def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:
-    result = ["--rig", str(args.rig), "--model", str(args.model), "--cameras", *cameras]
+    body = ["--bodies", str(args.recording)] if args.model is None else ["--model", str(args.model)]
+    result = ["--rig", str(args.rig), *body, "--cameras", *cameras]
     for name in ("config", "initial_state", "occluders"):
         if getattr(args, name):
             result += [f"--{name.replace('_', '-')}", str(getattr(args, name))]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ...camera.rig import CameraRig
     from ...ros.tracker.image_inbox import InboxOptions
     from ...ros.tracker.node import TrackerNode
-    from ...ros.tracker.options import TrackerOptions
+    from ...ros.tracker.options import BodyOptions, TrackerOptions
 
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
@@ -34,7 +34,10 @@ def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -
     required : whether rig and model must be given.
     """
     parser.add_argument("--rig", required=required, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
-    parser.add_argument("--model", required=required, metavar="FILE", help="model.yaml or URDF: the body to track")
+    one = parser.add_mutually_exclusive_group(required=required)
+    one.add_argument("--model", metavar="FILE", help="model.yaml or URDF: the body to track")
+    if required:
+        one.add_argument("--bodies", metavar="RECORDING", help="recording.yaml whose bodies are tracked together")
     parser.add_argument(
         "--occluders", metavar="FILE", help="model.yaml or URDF: fixed things that may hide the body, in the world's frame"
     )
@@ -73,7 +76,7 @@ def add_tracking_arguments(parser: argparse.ArgumentParser) -> None:
         type=listeners,
         metavar="TOPIC=N",
         help="begin when these outputs have N subscribers: state, state_covariance, pose, joint_states, markers, or mask,"
-        " overlay, masked_image (of every camera)",
+        " overlay, masked_image (of every camera); NAME/TOPIC=N: those of one of several bodies",
     )
 
 
@@ -93,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def listeners(text: str) -> tuple[str, int]:
     """``mask=1`` -> ("mask", 1)."""
     topic, _, count = text.partition("=")
-    if topic not in OUTPUTS or not count.isdigit():
+    if topic.rpartition("/")[2] not in OUTPUTS or not count.isdigit():
         expected = ", ".join(f"{name}=N" for name in OUTPUTS)
         raise argparse.ArgumentTypeError(f"expected one of {expected}, got '{text}'")
     return topic, int(count)
@@ -123,18 +126,49 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
 
-    model = load_model(args.model)
+    bodies = _bodies(args) if args.bodies else {}
+    first = next(iter(bodies.values()), None)
+    model = load_model(args.model) if first is None else first.model
+    state = load_state(args.initial_state, model) if args.initial_state else None
     return TrackerOptions(
         rig=rig.subset(args.cameras) if args.cameras else rig,
         model=model,
         config=load_config(args.config) if args.config else TrackerConfig(),
-        initial_state=load_state(args.initial_state, model) if args.initial_state else None,
+        initial_state=state if first is None else first.initial_state,
+        bodies=bodies,
         occluders=load_model(args.occluders) if args.occluders else None,
         keypoints=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table else None,
         joint_states=args.joint_states,
         inbox=inbox,
         calibration_from_topics=args.calibration == "camera_info",
     )
+
+
+def _bodies(args: argparse.Namespace) -> dict[str, BodyOptions]:
+    """Those of a recording.yaml, all with the parameters of the node."""
+    import numpy as np
+
+    from ...errors import FileFormatError
+    from ...loaders.model.model_yaml import load_model
+    from ...loaders.model.state_yaml import load_state
+    from ...loaders.recording_yaml import load_recording
+    from ...ros.tracker.options import BodyOptions
+
+    for name in ("initial_state", "joint_states"):
+        if getattr(args, name):
+            expected = "nothing beside --bodies, each of which has its own"
+            raise FileFormatError("command line", f"--{name.replace('_', '-')}", expected, getattr(args, name))
+    recording = load_recording(args.bodies)
+    if not recording.bodies:
+        raise FileFormatError(args.bodies, "bodies", "several bodies by name", "none")
+    found = {}
+    for name, entry in recording.bodies.items():
+        if entry.config is not None:
+            raise FileFormatError(args.bodies, f"bodies.{name}.config", "nothing: a node has one set of parameters", entry.config)
+        model = load_model(entry.model)
+        state = load_state(entry.initial_state, model) if entry.initial_state else None
+        found[name] = BodyOptions(model, state, None if entry.person is None else np.array(entry.person))
+    return found
 
 
 def start_by_itself(node: TrackerNode, wait_for: dict[str, int], stop: Event) -> None:

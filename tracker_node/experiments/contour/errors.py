@@ -13,8 +13,8 @@ from ...evaluation.evaluate import Evaluation
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...objective.chamfer.correspondences import ContourCorrespondences
-from ...objective.per_camera import serial
 from ...observation.image_set import ImageSet
+from ...parallel import serial
 from ...tracking.chamfer.modality import FINE, ChamferModality
 from ...tracking.config import TrackerConfig
 from ..rigid_tracking import basin

@@ -29,7 +29,8 @@ TRACKED_STATE = "tracker_msgs/msg/TrackedState"
 STATE_COVARIANCE = "tracker_msgs/msg/StateCovariance"
 KEYPOINTS, KEYPOINT_PERSON = "tracker_msgs/msg/Keypoints", "tracker_msgs/msg/KeypointPerson"
 CROPS = "tracker_msgs/msg/Crops"
-_OWN = (TRACKED_STATE, STATE_COVARIANCE, CROPS, KEYPOINT_PERSON, KEYPOINTS)
+BODIES = "tracker_msgs/msg/Bodies"
+_OWN = (TRACKED_STATE, STATE_COVARIANCE, BODIES, CROPS, KEYPOINT_PERSON, KEYPOINTS)
 _OWN_DEFINITIONS = {name: f"definitions/{name.rpartition('/')[2]}.msg" for name in _OWN}
 _SEPARATOR = "=" * 80
 

@@ -19,6 +19,7 @@ from ...camera.rig import Camera
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...parallel import serial
 from ...render.contour.generators import N_COLUMNS, OUTER, SAMPLES, draw_contour, world_spheres
 from ...render.contour.picks import N_PICK_COLUMNS
 from ...render.contour.samples import N_PIXEL_COLUMNS, NU, NV, U, V, project_samples
@@ -26,7 +27,7 @@ from ...render.shape_arrays import ShapeArrays
 from .. import contour_residual as kernel
 from ..contour_residual import bilinear, columns_of, nearest_sample
 from ..normal_equations import CameraEquations, NormalEquations
-from ..per_camera import bodies_seen, camera_constants, cameras_by_body, serial
+from ..per_camera import bodies_seen, camera_constants, cameras_by_body
 
 
 @dataclass(frozen=True)

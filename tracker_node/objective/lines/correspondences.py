@@ -18,12 +18,13 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...observation.region.background import NO_ROOM, PackedRoom
 from ...observation.region.silhouette import NO_SILHOUETTE, PackedSilhouette
+from ...parallel import serial
 from ...render.contour.samples import most_samples
 from ...render.occluders import NO_NEIGHBORS, NOTHING, PackedNeighbors
 from ...render.shape_arrays import ShapeArrays
 from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
-from ..per_camera import bodies_seen, camera_constants, cameras_by_body, serial
+from ..per_camera import bodies_seen, camera_constants, cameras_by_body
 from . import correspondence as kernel
 from .camera import N_EVIDENCE, correspond_camera, count_evidence, keep_sharp, line_residuals, sum_camera
 from .surfaces import N_UNKNOWNS, Surfaces, SurfaceSums, sum_surfaces

@@ -19,11 +19,11 @@ from ...camera.rig import Camera, CameraRig
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...parallel import serial
 from ...render.raycast.raycaster import render_color, render_labels
 from ..contour_residual import assemble
 from ..gains import gains_of
 from ..normal_equations import NormalEquations
-from ..per_camera import serial
 
 _BLUR = 1.2  # px, before every halving
 _FINEST_BLUR = 0.7  # px

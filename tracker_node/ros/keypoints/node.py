@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
@@ -40,7 +41,7 @@ class KeypointsOptions:
     make_detector : of people and points; may raise.
     name : of the detector, for people.
     synchronizer : how images are matched.
-    tracker : node whose ``crops`` say where the body is; empty: whole images are searched.
+    trackers : nodes, and bodies of nodes, whose ``crops`` say where bodies are; empty: whole images are searched.
     compressed : subscribe to JPEG images.
     rate_hz : at most so many image sets a second; 0: as many as possible.
     lossless : look at every image set, in order, instead of the newest.
@@ -53,7 +54,7 @@ class KeypointsOptions:
     make_detector: Callable[[], Detector]
     name: str = ""
     synchronizer: SynchronizerConfig = field(default_factory=SynchronizerConfig)
-    tracker: str = "tracker"
+    trackers: tuple[str, ...] = ("tracker",)
     compressed: bool = False
     rate_hz: float = 0.0
     lossless: bool = False
@@ -83,10 +84,10 @@ class KeypointsNode(GuardedNode):
             )
             for camera in options.cameras
         }  # fmt: skip
-        self._crops: tuple[int, Mapping[str, Crop]] = (0, {})
+        self._crops: dict[str, tuple[int, Mapping[str, Crop]]] = {name: (0, {}) for name in options.trackers}
         self._waits = options.wait_for_subscribers > 0
-        if options.tracker:
-            self.create_subscription(Crops, f"{options.tracker}/crops", self._take_crops, LIVE_IMAGES)
+        for name in options.trackers:
+            self.create_subscription(Crops, f"{name}/crops", partial(self._take_crops, name), LIVE_IMAGES)
         self.worker = DetectionWorker(
             self._sets, options.make_detector, self._expected, self._publish, rate_hz=options.rate_hz,
             niceness=options.niceness, wanted=self._listened_to, on_error=self.get_logger().error,
@@ -112,12 +113,15 @@ class KeypointsNode(GuardedNode):
             self._formed_s = time.monotonic()
             self._sets.subscribe(self, self._options.compressed, self._mismatches)
 
-    def _take_crops(self, message: Crops) -> None:
-        self._crops = stamp_ns_of(message.header.stamp), messages.crops_in(message)
+    def _take_crops(self, name: str, message: Crops) -> None:
+        self._crops[name] = stamp_ns_of(message.header.stamp), messages.crops_in(message)
 
-    def _expected(self, stamp_ns: int) -> Mapping[str, Crop]:
-        crops_ns, crops = self._crops
-        return crops if abs(stamp_ns - crops_ns) <= _CROPS_NS else {}
+    def _expected(self, stamp_ns: int) -> Mapping[str, tuple[Crop, ...]]:
+        """By camera, around everybody; empty while one of the bodies is not known, which may be anywhere."""
+        known = [crops for crops_ns, crops in self._crops.values() if crops and abs(stamp_ns - crops_ns) <= _CROPS_NS]
+        if len(known) < len(self._crops):
+            return {}
+        return {camera: tuple(crops[camera] for crops in known if camera in crops) for camera in self._options.cameras}
 
     def _listened_to(self) -> bool:
         counts = [publisher.get_subscription_count() for publisher in self._points_of.values()]

@@ -58,7 +58,7 @@ class DetectionWorker:
     ----------
     sets : where image sets come from.
     make_detector : made in the thread, whose priority its own threads have too.
-    crops : camera -> where the body is expected at a stamp; the whole image of the others is searched.
+    crops : camera -> where bodies are expected at a stamp; the whole image of the others is searched.
     on_people : called in the thread with the images of a set, with their people.
     rate_hz : at most so many sets a second; 0: as many as possible.
     niceness : 0 to 19, on top of the process's own.
@@ -77,7 +77,7 @@ class DetectionWorker:
         self,
         sets: NewestSet,
         make_detector: Callable[[], Detector],
-        crops: Callable[[int], Mapping[str, Crop]],
+        crops: Callable[[int], Mapping[str, Sequence[Crop]]],
         on_people: Callable[[list[CameraImage]], None],
         *,
         rate_hz: float = 0.0,
@@ -140,8 +140,7 @@ class DetectionWorker:
             for image in image_set.images:
                 if self._stopping.is_set():
                     return
-                crop = crops.get(image.camera)
-                people, in_crop = people_in(detector, image.bgr, () if crop is None else (crop,))
+                people, in_crop = people_in(detector, image.bgr, crops.get(image.camera, ()))
                 self.images, self.in_crops = self.images + 1, self.in_crops + in_crop
                 found.append(replace(image, people=people))
             self._on_people(found)

@@ -70,22 +70,30 @@ class TrackerDiagnostics:
         self._silent = 0
         self._left_out = LeftOut()
         self._limbs_reported: set[str] = set()
+        self._bodies: set[str] = set()
         self._since_ns: dict[str, int] = {}  # part -> stamp from which on it has been in trouble
 
-    def estimated(self, estimate: TrackEstimate, image_set: ImageSet, counts: WorkerCounts, now_ns: int) -> None:
+    def estimated(
+        self, estimates: Mapping[str, TrackEstimate], image_set: ImageSet, counts: WorkerCounts, now_ns: int
+    ) -> None:
         """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of.
 
         Parameters
         ----------
-        estimate : what the tracker says of one image set.
+        estimates : what the tracker says of one image set, by the name of the body; "" of one that is alone.
         image_set : the images that it was made from.
         counts : of the worker, this set included.
         now_ns : of the clock that stamps are of.
         """
         stamps = [image.stamp_ns for image in image_set.images]
-        self._latency_ms.append(1e-6 * (now_ns - estimate.stamp_ns))
-        self._processing_ms.append(float(estimate.timings.total_ms))
+        self._latency_ms.append(1e-6 * (now_ns - image_set.stamp_ns))
+        self._processing_ms.append(sum(float(estimate.timings.total_ms) for estimate in estimates.values()))
         self._spread_ms.append(1e-6 * (max(stamps) - min(stamps)))
+        for body, estimate in estimates.items():
+            self._report_body(f"{body}: " if body else "", estimate, counts)
+
+    def _report_body(self, of: str, estimate: TrackEstimate, counts: WorkerCounts) -> None:
+        self._bodies.add(of)
         values = {
             "image sets tracked": counts.tracked,
             "image sets skipped": counts.skipped,
@@ -96,14 +104,14 @@ class TrackerDiagnostics:
         }
         said = estimate.status.name + (f": {estimate.status_reason}" if estimate.status_reason else "")
         status, level = estimate.status, _LEVELS[estimate.status]
-        level = self._lasting("start", level, status == Status.INITIALIZING, estimate.stamp_ns, _START_S)
-        level = self._lasting("status", level, status == Status.DEGRADED, estimate.stamp_ns)
-        self._diagnostics.report("status", level, said, values)
+        level = self._lasting(f"{of}start", level, status == Status.INITIALIZING, estimate.stamp_ns, _START_S)
+        level = self._lasting(f"{of}status", level, status == Status.DEGRADED, estimate.stamp_ns)
+        self._diagnostics.report(f"{of}status", level, said, values)
         for limb in estimate.limbs:
             said = limb.status.name + (f": {limb.reason}" if limb.reason else "")
             values = {"probability of being lost": float(limb.probability)}
-            self._limbs_reported.add(limb.name)
-            part, trouble = f"limb {limb.name}", limb.status != LimbStatus.TRACKING
+            part, trouble = f"{of}limb {limb.name}", limb.status != LimbStatus.TRACKING
+            self._limbs_reported.add(part)
             level = self._lasting(part, _LIMB_LEVELS[limb.status], trouble, estimate.stamp_ns)
             self._diagnostics.report(part, level, said, values, logged=False)
 
@@ -138,10 +146,10 @@ class TrackerDiagnostics:
             self._report_unobservable(worker.latest)
 
     def _report_pause(self) -> None:
-        for part in ("status", "latency", "observability"):
+        for part in (*(f"{of}status" for of in list(self._bodies) or [""]), "latency", "observability"):
             self._diagnostics.report(part, OK, PAUSED)
-        for name in list(self._limbs_reported):
-            self._diagnostics.report(f"limb {name}", OK, PAUSED, logged=False)
+        for part in list(self._limbs_reported):
+            self._diagnostics.report(part, OK, PAUSED, logged=False)
 
     def _report_times(self, worker: TrackingWorker) -> None:
         config = worker.config.synchronizer

@@ -31,7 +31,7 @@ from .heap import keep_for_ever
 from .image_inbox import ImageInbox
 from .keypoint_inbox import KeypointInbox
 from .options import TrackerMaker, TrackerOptions
-from .outputs import TrackerOutputs
+from .outputs import BodiesOutput, TrackerOutputs
 from .parameters import ConfigParameters, FixedParameter
 from .point_matching import PointMatching
 from .services import TrackerServices
@@ -72,7 +72,8 @@ class TrackerNode(ManagedNode):
         fixed = self._parameters_of_node.fixed
         self._lossless, self._from_topics = bool(fixed["lossless"]), fixed["calibration"] == "camera_info"
         self._worker: TrackingWorker | None = None
-        self._outputs: TrackerOutputs | None = None
+        self._outputs: dict[str, TrackerOutputs] = {}  # by body
+        self._bodies: BodiesOutput | None = None  # of all together
         self._joint_states: JointStateInbox | None = None
         self.surfaces: np.ndarray | None = None  # as the last estimate has them
         self._changes = 0  # of parameters, or lenses, that have come into effect
@@ -102,7 +103,14 @@ class TrackerNode(ManagedNode):
         options, cameras = self._options, self._parameters_of_node.cameras
         fixed = self._parameters_of_node.fixed
         self._lenses: dict[str, CameraModel] | None = {} if self._from_topics else None
-        self._outputs = TrackerOutputs(self, options.rig, options.model, self._mismatches, str(fixed["frame_prefix"]))
+        prefix = str(fixed["frame_prefix"])
+        self._outputs = {
+            name: TrackerOutputs(self, options.rig, body.model, self._mismatches, prefix, name)
+            for name, body in options.each.items()
+        }
+        if options.bodies:
+            models = {name: body.model for name, body in options.bodies.items()}
+            self._bodies = BodiesOutput(self, models, self._mismatches)
         inbox = replace(options.inbox, lossless=self._lossless, compressed=bool(fixed["compressed"]))
         if inbox.compressed and inbox.direct is not None and inbox.direct.cameras >= set(options.rig.names):
             raise FileFormatError("parameters of tracker", "compressed", "false: no image comes from a topic here", True)
@@ -124,6 +132,7 @@ class TrackerNode(ManagedNode):
             self._setup_in_use,
             self._on_estimate,
             initial_state=options.initial_state or State.neutral(options.model),
+            initial_states={name: body.initial_state or State.neutral(body.model) for name, body in options.each.items()},
             lossless=self._lossless,
             points=points,
             joint_states=said,
@@ -159,11 +168,14 @@ class TrackerNode(ManagedNode):
         if self._worker is not None:
             self._inbox.subscribe(())
             self._keypoints.subscribe(())
-        if self._outputs is not None:
-            self._outputs.close()
+        for outputs in self._outputs.values():
+            outputs.close()
         if self._joint_states is not None:
             self._joint_states.close()
-        self._worker = self._outputs = self._joint_states = None
+        if self._bodies is not None:
+            self._bodies.close()
+        self._worker = self._joint_states = self._bodies = None
+        self._outputs = {}
 
     def changed(self) -> None:
         """Say so on /diagnostics."""
@@ -176,8 +188,8 @@ class TrackerNode(ManagedNode):
         """End; what has been said is delivered first. With time, a lossless tracker also tracks what has come in."""
         if self._worker is not None and self.state == ACTIVE:
             self._worker.stop(finish=not hurried(), timeout_s=_FINISH_S)
-        if self._outputs is not None:
-            self._outputs.wait_until_delivered()
+        for outputs in self._outputs.values():
+            outputs.wait_until_delivered()
         self.report()
         self._diagnostics.wait_until_delivered()
 
@@ -187,9 +199,14 @@ class TrackerNode(ManagedNode):
         return bool(self._parameters_of_node.fixed["autostart"])
 
     def has_subscribers(self, wanted: Mapping[str, int]) -> bool:
-        """Whether outputs of `runs.outputs`, by their names, have at least so many subscribers."""
-        outputs = self._outputs
-        return outputs is not None and all(outputs.subscriber_count(topic) >= count for topic, count in wanted.items())
+        """Whether outputs of `runs.outputs`, by their names after those of bodies, have at least so many subscribers."""
+
+        def have(topic: str, count: int) -> bool:
+            body, _, name = topic.rpartition("/")
+            of = [self._outputs[body]] if body in self._outputs else list(self._outputs.values())
+            return all(outputs.subscriber_count(name) >= count for outputs in of)
+
+        return bool(self._outputs) and all(have(topic, count) for topic, count in wanted.items())
 
     @property
     def has_ended(self) -> bool:
@@ -307,12 +324,16 @@ class TrackerNode(ManagedNode):
     # What happens
 
     def _on_estimate(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
-        assert self._worker is not None and self._worker.rig is not None and self._outputs is not None
+        assert self._worker is not None and self._worker.rig is not None
         self.surfaces = estimate.surfaces
-        self._outputs.publish(estimate, image_set, self._worker.rig)
+        for name, outputs in self._outputs.items():
+            outputs.publish(self._worker.estimates[name], image_set, self._worker.rig)
+        if self._bodies is not None:
+            self._bodies.publish(self._worker.estimates, self._worker.rig.world_frame)
         if self._worker.counts.tracked == 1:
             self.get_logger().info(f"first image set tracked {time.monotonic() - self._began_s:.2f} s after the start")
-        self._tracker_diagnostics.estimated(estimate, image_set, self._worker.counts, self.get_clock().now().nanoseconds)
+        now_ns = self.get_clock().now().nanoseconds
+        self._tracker_diagnostics.estimated(self._worker.estimates, image_set, self._worker.counts, now_ns)
         self._camera_diagnostics.contradicted(estimate.faults)
 
     def _on_jump(self, jump: TimeJump) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from ...camera.model import CameraModel
 from ...camera.rig import CameraRig
 from ...loaders.images.source import load_backgrounds, resized_backgrounds
@@ -13,10 +15,26 @@ from ...model.configuration import State
 from ...model.humans.keypoints import KeypointTable
 from ...observation.keypoints.blazepose import NAMES
 from ...runs.loop import Steppable
+from ...tracking.bodies import Bodies, shared_threads
 from ...tracking.config import TrackerConfig
 from ...tracking.tracker import Tracker
 from ...tracking.warm_up import SmallTrackers, warm_up
 from .image_inbox import InboxOptions
+
+
+@dataclass(frozen=True, eq=False)
+class BodyOptions:
+    """One of the bodies that a node follows.
+
+    Parameters
+    ----------
+    model, initial_state : as for the `Tracker`.
+    person : (3,) meters, world: of several people, the one there; None: the one nearest to where the cameras look.
+    """
+
+    model: ArticulatedModel
+    initial_state: State | None = None
+    person: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +46,7 @@ class TrackerOptions:
     rig, model, config, initial_state, occluders : as for `tracking.tracker.Tracker`; parameters given to the node win over
         ``config``.
     keypoints : as for the `Tracker`: what the points of a detector are on the body.
+    bodies : several that are followed together, by name, the first of them being ``model``; empty: that alone.
     joint_states : topic on which a robot says where its joints are; "": none does.
     inbox : how images are received; ``inbox.lossless`` also makes every image set be tracked, in order.
     calibration_from_topics : lenses come from ``<cam>/camera_info`` instead of the rig, which gives the places only.
@@ -40,12 +59,18 @@ class TrackerOptions:
     config: TrackerConfig = field(default_factory=TrackerConfig)
     initial_state: State | None = None
     occluders: ArticulatedModel | None = None
+    bodies: Mapping[str, BodyOptions] = field(default_factory=dict)
     keypoints: KeypointTable | None = None
     joint_states: str = ""
     inbox: InboxOptions = field(default_factory=InboxOptions)
     calibration_from_topics: bool = False
     autostart: bool = True
     make_tracker: Callable[[CameraRig, ArticulatedModel, TrackerConfig, State | None], Steppable] | None = None
+
+    @property
+    def each(self) -> Mapping[str, BodyOptions]:
+        """All bodies by name; "" of one that is alone."""
+        return self.bodies or {"": BodyOptions(self.model, self.initial_state)}
 
     @property
     def point_names(self) -> tuple[str, ...]:
@@ -64,7 +89,7 @@ class TrackerMaker:
     def __init__(self, options: TrackerOptions):
         self._options = options
         self._backgrounds = load_backgrounds(options.rig)
-        self._small: SmallTrackers | None = None
+        self._small: list[SmallTrackers] = []
         self._prepared: TrackerConfig | None = None
 
     def rig(self, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None = None) -> CameraRig | None:
@@ -125,7 +150,15 @@ class TrackerMaker:
         if options.make_tracker is not None:
             return options.make_tracker(rig, options.model, config, options.initial_state)
         backgrounds = resized_backgrounds({name: b for name, b in self._backgrounds.items() if name in rig.names}, rig)
-        return Tracker(rig, options.model, config, backgrounds, options.initial_state, options.occluders, options.keypoints)
+        at_once, threads = shared_threads(config.threads, len(options.each))
+        config, trackers = replace(config, threads=threads), {}
+        for name, body in options.each.items():
+            trackers[name] = made = Tracker(
+                rig, body.model, config, backgrounds, body.initial_state, options.occluders, options.keypoints
+            )
+            if body.person is not None and body.initial_state is None:
+                made.reinitialize(body.person)
+        return Bodies(trackers, at_once) if options.bodies else trackers[""]
 
     def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
         """Whether such a tracker can be made, in some 20 ms.
@@ -142,6 +175,8 @@ class TrackerMaker:
         options = self._options
         if options.make_tracker is not None:
             return
-        if self._small is None:
-            self._small = SmallTrackers(options.rig, options.model, tuple(self._backgrounds))
-        self._small.check(cameras, config)
+        if not self._small:
+            names = tuple(self._backgrounds)
+            self._small = [SmallTrackers(options.rig, body.model, names) for body in options.each.values()]
+        for small in self._small:
+            small.check(cameras, config)

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from ...camera.rig import CameraRig
+from ...loaders.bag.message_types import BODIES
 from ...loaders.model.urdf_writer import urdf_of
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
@@ -53,10 +54,15 @@ class TrackerOutputs:
     ----------
     mismatches : is informed when a subscriber asks for what we do not offer.
     frame_prefix : before the name of the root link on /tf, for several bodies in one graph.
+    body : of several bodies of this node, the name before its topics; "": there is one.
     """
 
-    def __init__(self, node: Node, rig: CameraRig, model: ArticulatedModel, mismatches: QosMismatches, frame_prefix: str = ""):
+    def __init__(
+        self, node: Node, rig: CameraRig, model: ArticulatedModel, mismatches: QosMismatches, frame_prefix: str = "",
+        body: str = "",
+    ):  # fmt: skip
         self._node, self._mismatches, self._model = node, mismatches, model
+        self._prefix, frame_prefix = (f"{body}/", f"{frame_prefix}{body}/") if body else ("", frame_prefix)
         self._world, self._root = rig.world_frame, frame_prefix + model.chain.links[0]
         self._publishers: list[Publisher] = []
         self._of_body = [(output, self._channel(output)) for output in BODY_OUTPUTS]
@@ -65,10 +71,11 @@ class TrackerOutputs:
         }
         marker_array = message_class(MARKER_ARRAY)
         markers = message_of(marker_array, messages.markers(model))
-        self._markers = _Channel(self._publisher(marker_array, f"~/{MARKERS}"), markers)
+        self._markers = _Channel(self._publisher(marker_array, f"~/{self._prefix}{MARKERS}"), markers)
         Configuration(model, State.neutral(model))  # compiled code is loaded now, not at the first image set
         string = message_class(STRING)
-        self._created(string, DESCRIPTION, qos_profile=LATCHED).publish(message_of(string, {"data": urdf_of(model)}))
+        description = self._created(string, f"{self._prefix}{DESCRIPTION}", qos_profile=LATCHED)
+        description.publish(message_of(string, {"data": urdf_of(model)}))
         self._tf: Publisher | None = None
         if TFMessage is not None:
             self._tf = self._created(TFMessage, "/tf", qos_profile=RESULT)
@@ -77,7 +84,7 @@ class TrackerOutputs:
 
     def _channel(self, output: Output, prefix: str = "") -> _Channel:
         class_ = message_class(output.type_name)
-        return _Channel(self._publisher(class_, f"~/{prefix}{output.topic}"), class_())
+        return _Channel(self._publisher(class_, f"~/{self._prefix}{prefix}{output.topic}"), class_())
 
     def _publisher(self, message_type, topic: str) -> Publisher:
         events = self._mismatches.of_publisher(topic, topic)
@@ -132,6 +139,36 @@ class TrackerOutputs:
         for channels in (self._of_body, *self._of_cameras.values()):
             for _, channel in channels:
                 channel.publisher.wait_for_all_acked(Duration(seconds=max(0.0, until_s - time.monotonic())))
+
+
+class BodiesOutput:
+    """Publisher of ``~/bodies``, for a node that follows several.
+
+    Parameters
+    ----------
+    node, models : the node; by the name of the body.
+    mismatches : is informed when a subscriber asks for what we do not offer.
+    """
+
+    def __init__(self, node: Node, models: Mapping[str, ArticulatedModel], mismatches: QosMismatches):
+        self._node, self._models, class_ = node, models, message_class(BODIES)
+        events = mismatches.of_publisher("bodies", "~/bodies")
+        publisher = node.create_publisher(class_, "~/bodies", **overridable(RESULT), event_callbacks=events)
+        self._channel = _Channel(publisher, class_())
+
+    def publish(self, estimates: Mapping[str, TrackEstimate], frame_id: str) -> None:
+        """What is known of all bodies.
+
+        Parameters
+        ----------
+        estimates : of one image set, by the name of the body.
+        frame_id : name of the world frame.
+        """
+        self._channel.publish(messages.bodies(estimates, self._models, frame_id))
+
+    def close(self) -> None:
+        """The topic is offered no more."""
+        self._node.destroy_publisher(self._channel.publisher)
 
 
 def _tf_message(stamp_ns: int, frames: Sequence[tuple[str, str, np.ndarray]]):

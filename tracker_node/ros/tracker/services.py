@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
@@ -20,7 +21,7 @@ from .worker import TrackingWorker
 
 
 class TrackerServices:
-    """Services and the subscriptions to ``initialpose`` and ``clicked_point``; they take effect with the next image set.
+    """Services of the node, and those of each body: they take effect with the next image set.
 
     Parameters
     ----------
@@ -34,14 +35,23 @@ class TrackerServices:
         self._node, self._options, self._worker, self._looks_for_body = node, options, worker, looks_for_body
         self._services = [
             node.create_service(Trigger, "~/reset", self._guarded(self._on_reset)),
-            node.create_service(Trigger, "~/reinitialize", self._guarded(self._on_reinitialize)),
+            node.create_service(Trigger, "~/reinitialize", self._guarded(partial(self._on_reinitialize, ""))),
             node.create_service(SetBool, "~/enable", self._guarded(self._on_enable)),
-            node.create_service(SetState, "~/set_state", self._guarded(self._on_set_state)),
         ]
-        self._subscriptions = [
-            node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, RESULT),
-            node.create_subscription(PointStamped, "clicked_point", self._on_clicked_point, RESULT),
-        ]
+        self._subscriptions = []
+        for body in options.each:
+            prefix = f"{body}/" if body else ""
+            self._services.append(
+                node.create_service(SetState, f"~/{prefix}set_state", self._guarded(partial(self._on_set_state, body)))
+            )
+            if body:
+                again = self._guarded(partial(self._on_reinitialize, body))
+                self._services.append(node.create_service(Trigger, f"~/{prefix}reinitialize", again))
+            for type_, topic, taken in (
+                (PoseWithCovarianceStamped, "initialpose", self._on_initial_pose),
+                (PointStamped, "clicked_point", self._on_clicked_point),
+            ):
+                self._subscriptions.append(node.create_subscription(type_, prefix + topic, partial(taken, body), RESULT))
 
     def _guarded(self, answer: Callable):
         """A service's callback: ``answer(worker, request)`` says what is to be answered, or raises a `TrackerError`."""
@@ -66,26 +76,27 @@ class TrackerServices:
         worker.reset()
         return ""
 
-    def _on_reinitialize(self, worker: TrackingWorker, _request: Trigger.Request) -> str:
+    def _on_reinitialize(self, body: str, worker: TrackingWorker, _request: Trigger.Request) -> str:
         if not self._looks_for_body():
             raise TrackerError("the body is not searched: the parameter initialization.enabled is false")
-        worker.reinitialize()
+        worker.reinitialize(body=body)
         return ""
 
     def _on_enable(self, worker: TrackingWorker, request: SetBool.Request) -> str:
         worker.pause(not request.data)
         return "tracking" if request.data else "paused: images are counted and not used"
 
-    def _values_now(self, worker: TrackingWorker):
-        state = worker.start_state or self._options.initial_state
-        return (state or State.neutral(self._options.model)).to_values()
+    def _values_now(self, body: str, worker: TrackingWorker):
+        own = self._options.each[body]
+        state = worker.start_state(body) or own.initial_state
+        return (state or State.neutral(own.model)).to_values()
 
-    def _on_set_state(self, worker: TrackingWorker, request: SetState.Request) -> str:
-        model = self._options.model
-        values = values_with_changes(model, self._values_now(worker), request.dof_names, request.values)
+    def _on_set_state(self, body: str, worker: TrackingWorker, request: SetState.Request) -> str:
+        model = self._options.each[body].model
+        values = values_with_changes(model, self._values_now(body, worker), request.dof_names, request.values)
         refuse_implausible(model, values)
         state = State.from_values(values)
-        worker.set_state(state)
+        worker.set_state(state, body)
         beyond = model.chain.beyond_limits(state.joint_positions)
         return f"put at the limit: {'; '.join(beyond)}" if beyond else ""
 
@@ -94,7 +105,7 @@ class TrackerServices:
         if frame not in ("", world):
             raise TrackerError(f"expected frame '{world}', got {shown(frame)}")
 
-    def _on_clicked_point(self, message: PointStamped) -> None:
+    def _on_clicked_point(self, body: str, message: PointStamped) -> None:
         """Track the person there."""
         place = np.array([message.point.x, message.point.y, message.point.z])
         try:
@@ -104,17 +115,17 @@ class TrackerServices:
                 raise TrackerError("a person is chosen by points: set modalities with keypoints, and initialization.enabled")
             if not np.isfinite(place).all():
                 raise TrackerError(f"expected a place in meters, got {place.tolist()}")
-            worker.reinitialize(place)
+            worker.reinitialize(place, body)
         except TrackerError as error:
             self._node.get_logger().error(f"clicked_point: {error}")
 
-    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+    def _on_initial_pose(self, body: str, message: PoseWithCovarianceStamped) -> None:
         try:
             self._check_frame(message.header.frame_id)
             worker = self._configured()
-            now = State.from_values(self._values_now(worker))
+            now = State.from_values(self._values_now(body, worker))
             state = State(transform_of_pose(message.pose.pose), now.joint_positions)
-            refuse_implausible(self._options.model, state.to_values())
-            worker.set_state(state)
+            refuse_implausible(self._options.each[body].model, state.to_values())
+            worker.set_state(state, body)
         except TrackerError as error:
             self._node.get_logger().error(f"initialpose: {error}")

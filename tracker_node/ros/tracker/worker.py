@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from ...camera.rig import CameraRig
 from ...errors import TrackerError
 from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
-from ...runs.loop import StartRequest, TrackingLoop
+from ...runs.loop import StartRequest, Steppable, TrackingLoop
 from ...runs.set_formation import SetFormation
+from ...tracking.bodies import Bodies
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import Status, TrackEstimate
 from ..joint_states import JointStateInbox
@@ -34,6 +35,7 @@ class TrackingWorker:
     setup : as it is at first; images wait while it has no tracker. Later ones come by `use`.
     on_estimate : called in the thread with each estimate and its image set.
     initial_state : what is said of the body, together with that it is lost, when image sets fail before any was tracked.
+    initial_states : the same of several bodies, by name; None: there is one.
     lossless : every image set is tracked, in order; otherwise only the newest four of those that wait, and the others are
         counted: one that came late is made up for, a tracker that is too slow does not fall behind.
     points : of a detector, for the image sets, for which a lossless worker waits; None: none are used.
@@ -42,7 +44,9 @@ class TrackingWorker:
     Attributes
     ----------
     formation : the image sets, and what became of the images.
-    latest : the latest estimate since the last reset, also that of an image set that failed.
+    latest : the latest estimate since the last reset, also that of an image set that failed; of several bodies, of whoever is
+        worst off.
+    estimates : the same by the name of the body; "" of one that is alone.
     at_work_since_s : steady time at which the image set at work was begun; None while there is none.
     paused : images are counted, and not used.
     """
@@ -54,13 +58,14 @@ class TrackingWorker:
         on_estimate: Callable[[TrackEstimate, ImageSet], None],
         *,
         initial_state: State,
+        initial_states: Mapping[str, State] | None = None,
         lossless: bool = False,
         points: PointMatching | None = None,
         joint_states: JointStateInbox | None = None,
         on_error: Callable[[str], None] = lambda text: None,
     ):
         self._inbox, self._setup, self._on_estimate = inbox, setup, on_estimate
-        self._initial_state, self._lossless, self._on_error = initial_state, lossless, on_error
+        self._initial_states, self._lossless, self._on_error = initial_states or {"": initial_state}, lossless, on_error
         self._thread = CommandThread(lambda: inbox.take(timeout_s=0.1), inbox.wake, self._handle, self._finish, self._on_end)
         self._finishing, self._points, self._newest_ns = False, points, 0
         self._joint_states = joint_states
@@ -70,6 +75,7 @@ class TrackingWorker:
         self.formation = SetFormation(setup.cameras, setup.config.synchronizer)
         self.counts = WorkerCounts()
         self.latest: TrackEstimate | None = None
+        self.estimates: Mapping[str, TrackEstimate] = {}
         self.paused = False
         self.at_work_since_s: float | None = None
 
@@ -109,11 +115,10 @@ class TrackingWorker:
 
         self._thread.command(change)
 
-    @property
-    def start_state(self) -> State | None:
+    def start_state(self, body: str = "") -> State | None:
         """Where the next image set begins as far as is known: as asked, else where the body was. None: not at a given state."""
-        request, tracked = self._requests.asked, self._loop.tracked
-        if request is not None:
+        request, tracked = self._requests.asked, self._loop.estimates.get(body)
+        if request is not None and request.body in ("", body):
             return request.state
         return None if tracked is None else tracked.state
 
@@ -121,18 +126,25 @@ class TrackingWorker:
         """Forget everything, as after a backward jump of time."""
         self._begin(StartRequest(lambda tracker: tracker.reset(), forgets_state=True, forgets_clock=True))
 
-    def set_state(self, state: State) -> None:
-        """Go on from a state at the next image set."""
-        self._begin(StartRequest(lambda tracker: tracker.set_state(state), state))
+    def set_state(self, state: State, body: str = "") -> None:
+        """Go on from a state at the next image set.
 
-    def reinitialize(self, near: np.ndarray | None = None) -> None:
+        Parameters
+        ----------
+        state, body : where, and which of several.
+        """
+        self._begin(StartRequest(lambda tracker: _of(tracker, body).set_state(state), state, body=body))
+
+    def reinitialize(self, near: np.ndarray | None = None, body: str = "") -> None:
         """Search the body wherever it may be; what has been learned stays.
 
         Parameters
         ----------
         near : see `Tracker.reinitialize`.
+        body : which of several; "": all.
         """
-        self._begin(StartRequest(lambda tracker: tracker.reinitialize(near), forgets_state=True))
+        request = StartRequest(lambda tracker: _of(tracker, body).reinitialize(near), forgets_state=not body, body=body)
+        self._begin(request)
 
     def _begin(self, request: StartRequest) -> None:
         def begin() -> None:
@@ -141,7 +153,7 @@ class TrackingWorker:
                 if self._points is not None:
                     self._points.restart()
             if request.forgets_state:
-                self.latest = None
+                self.latest, self.estimates = None, {}
             self._loop.begin(request)
 
         self._requests.ask(request)
@@ -280,9 +292,11 @@ class TrackingWorker:
         request, began = loop.request, time.perf_counter()
         try:
             estimate = self.latest = loop.step(image_set)
+            self.estimates = loop.estimates
             self._requests.followed(request)
         except Exception as error:
-            estimate = self.latest = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
+            self.estimates = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
+            estimate = self.latest = next(iter(self.estimates.values()))
         self.counts.tracked += 1
         self.counts.lost += estimate.status == Status.LOST
         try:
@@ -296,13 +310,18 @@ class TrackingWorker:
             self.counts.failed += 1
             self._on_error(f"image set {image_set.stamp_ns}: not learned from: {_described(error)}")
 
-    def _failed(self, image_set: ImageSet, error: Exception, total_ms: float) -> TrackEstimate:
+    def _failed(self, image_set: ImageSet, error: Exception, total_ms: float) -> dict[str, TrackEstimate]:
         self.counts.failed += 1
         self._on_error(f"image set {image_set.stamp_ns}: {_described(error)}")
-        tracked = self._loop.tracked
-        state = self._initial_state if tracked is None else tracked.state
-        reason = f"{type(error).__name__}: {error}"
-        return unknown_estimate(image_set.stamp_ns, reason, state, self._setup.cameras, total_ms)
+        reason, tracked = f"{type(error).__name__}: {error}", self._loop.estimates
+        states = {name: tracked[name].state if name in tracked else state for name, state in self._initial_states.items()}
+        cameras = self._setup.cameras
+        return {name: unknown_estimate(image_set.stamp_ns, reason, state, cameras, total_ms) for name, state in states.items()}
+
+
+def _of(tracker: Steppable, body: str) -> Steppable:
+    """The tracker of one of several bodies; of all without a name."""
+    return tracker.trackers[body] if body and isinstance(tracker, Bodies) else tracker
 
 
 def _described(error: Exception) -> str:

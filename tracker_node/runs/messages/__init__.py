@@ -4,7 +4,7 @@ No message class of anybody here: `ros.conversions` writes such a mapping into t
 into those of bags, so the live node and the offline run say the same. Begin with `body`.
 """
 
-from .body import changed_markers, joint_state, markers, pose, state_covariance, tracked_state, twist
+from .body import bodies, changed_markers, joint_state, markers, pose, state_covariance, tracked_state, twist
 from .cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, camera_info, compressed_image, image, jpeg_of, lens_of
 from .parts import Content, header, pose_of, transforms
 from .people import crops, crops_in, keypoints, people_of
@@ -14,6 +14,7 @@ __all__ = [
     "COMPRESSED_IMAGE",
     "IMAGE",
     "Content",
+    "bodies",
     "camera_info",
     "changed_markers",
     "compressed_image",

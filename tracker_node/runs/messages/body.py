@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ...loaders.bag.message_types import time_of
@@ -60,6 +62,29 @@ def tracked_state(estimate: TrackEstimate, model: ArticulatedModel, frame_id: st
         "observe_ms": estimate.timings.observe_ms,
         "optimize_ms": estimate.timings.optimize_ms,
         "total_ms": estimate.timings.total_ms,
+    }
+
+
+def bodies(estimates: Mapping[str, TrackEstimate], models: Mapping[str, ArticulatedModel], frame_id: str) -> Content:
+    """tracker_msgs/Bodies: several bodies in one image set.
+
+    Parameters
+    ----------
+    estimates, models : by the name of the body.
+    frame_id : name of the world frame.
+
+    Returns
+    -------
+    content : the message as field -> value.
+    """
+    found = list(estimates.values())
+    return {
+        "header": header(found[0].stamp_ns, frame_id),
+        "names": list(estimates),
+        "models": [models[name].name for name in estimates],
+        "status": [int(estimate.status) for estimate in found],
+        "status_reasons": [estimate.status_reason for estimate in found],
+        "root_poses": [pose_of(estimate.state.T_world_root) for estimate in found],
     }
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...objective.per_camera import serial
 from ...objective.points.photometry import PhotometryOptions, features_of
+from ...parallel import serial
 from ...render.raycast.raycaster import render_color, render_labels
 from ..modality import Images
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ...camera.rig import CameraRig
@@ -141,13 +143,20 @@ class PersonChoice(Choice):
 
         Somebody who sits behind a table has points of small scores, and is as much the body as one who stands free.
         """
-        rows = [person.names.index(name) for name in self._modality.names]
+        rows = _rows(person.names, self._modality.names)
         area = max((person.box[2] - person.box[0]) * (person.box[3] - person.box[1]), 1.0) * 4.0
-        S = person.covariances[rows] + sigma_px**2 * np.eye(2)
-        e = person.pixels[rows] - pixels
-        square = np.einsum("ni,nij,nj->n", e, np.linalg.inv(S), e)
-        density = np.exp(-0.5 * square) / (2.0 * np.pi * np.sqrt(np.linalg.det(S)))
+        S, (u, v) = person.covariances[rows], (person.pixels[rows] - pixels).T
+        uu, uv, vv = S[:, 0, 0] + sigma_px**2, S[:, 0, 1], S[:, 1, 1] + sigma_px**2
+        determinant = uu * vv - uv * uv
+        square = (vv * u * u - 2.0 * uv * u * v + uu * v * v) / determinant
+        density = np.exp(-0.5 * square) / (2.0 * np.pi * np.sqrt(determinant))
         ratio = np.log((1.0 - _OUTLIER) * density * area + _OUTLIER)
         says = seen & np.isfinite(ratio)
         scores = person.scores[rows][says]
         return float((scores * ratio[says]).sum()), float(scores.sum())
+
+
+@lru_cache(maxsize=64)
+def _rows(names: tuple[str, ...], wanted: tuple[str, ...]) -> np.ndarray:
+    """Where some names are among others."""
+    return np.array([names.index(name) for name in wanted])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -53,7 +54,13 @@ class PersonGroup:
 
 def mirrored(person: Person) -> Person:
     """The person with the points of left and right exchanged."""
-    return rearranged(person, [person.names.index(mirrored_name(name)) for name in person.names])
+    return rearranged(person, _exchanged(person.names))
+
+
+@lru_cache(maxsize=16)
+def _exchanged(names: tuple[str, ...]) -> tuple[int, ...]:
+    """Rows of the other sides."""
+    return tuple(names.index(mirrored_name(name)) for name in names)
 
 
 def grouped(rig: CameraRig, people: PeopleSeen) -> list[PersonGroup]:

@@ -1,0 +1,1 @@
+"""Several bodies at once: a real clip of two people."""
