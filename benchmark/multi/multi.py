@@ -6,6 +6,9 @@ start, image sets and lag. ``multi.woman_iou``: overlap of the woman in her clot
 the man does not cover; the mean of the camera that is worst. ``multi.swaps``: image sets in which a body is nearer to the other
 person than to its own. ``multi.set_ms_ratio``: time of an image set with both, over that of the man alone in the same images.
 ``multi.her_lenses.*``: the same through the lenses that the woman was rendered with, which are not those of the calibration.
+``crossing.*``: rendered people with exact joints, by points and outlines from the true start, three held-out clips;
+``crossing_contours.*``: by outlines alone. Lost limbs are those whose end is more than 150 mm off for some time; in swaps a
+person is nearer to the other's true joints than to the own ones.
 
 What the network finds is kept in the output folder.
 """
@@ -25,14 +28,18 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark.clothed._people import KeptPeople
-from benchmark.contour._balancing_clip import Clip, Run, judge, load_clip
+from benchmark.clothed._recording import ENDS
+from benchmark.clothed._runs import joints_of
+from benchmark.contour._balancing_clip import Clip as BalancingClip
+from benchmark.contour._balancing_clip import Run, judge, load_clip
 from benchmark.contour._runs import print_circumstances
 from benchmark.contour.balancing import CONFIG, configured
 from benchmark.contour.balancing import LAG_IMAGES as LAG_ALONE_IMAGES
+from benchmark.multi._crossing_clip import DEFAULT_CACHE, PEOPLE, PHASES, Clip, make_clip
 from benchmark.multi._real_clip import LAG_IMAGES, TwoPeople, load_two_people
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.metrics import intersection_over_union
+from tracker_node.evaluation.metrics import intersection_over_union, lost_limbs
 from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.model.clothes import with_surfaces
 from tracker_node.model.configuration import Configuration, State
@@ -46,6 +53,7 @@ from tracker_node.tracking.tracker import Tracker
 
 WOMAN_AT_M = np.array([0.24, -0.37, 0.7])
 LEAST_MASK_PX = 2000
+HELD_OUT = (101, 102, 103)  # seeds of clips whose people the tracker's tables have not seen
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -54,8 +62,13 @@ def main(arguments: list[str] | None = None) -> int:
     cv2.setNumThreads(1)
     try:
         people = KeptPeople(pose_weights(), args.output / "people.sqlite")
-        config = configured(CONFIG, ["modalities=region,keypoints"])
-        figures = real(args.sample, args.output, config, people)
+        config, outlines = (configured(CONFIG, [f"modalities={names}"]) for names in ("region,keypoints", "region"))
+        figures: dict[str, float | int] = {}
+        if args.only != "crossing":
+            figures |= real(args.sample, args.output, config, people)
+        if args.only != "real":
+            clips = [make_clip(seed, DEFAULT_CACHE) for seed in (args.seeds or (HELD_OUT[:1] if args.quick else HELD_OUT))]
+            figures |= crossing(clips, config, people, "crossing") | crossing(clips, outlines, people, "crossing_contours")
     except TrackerError as error:
         print(f"multi: error: {error}", file=sys.stderr)
         return 2
@@ -101,6 +114,41 @@ def real(sample: Path, output: Path, config: TrackerConfig, people: KeptPeople) 
             f"{prefix}.set_ms_ratio": float(np.median(ms) / np.median(ms_of_one)),
         }
     return figures
+
+
+def crossing(clips: Sequence[Clip], config: TrackerConfig, people: KeptPeople, prefix: str) -> dict[str, float | int]:
+    """Rendered people who cross, embrace and change places.
+
+    Parameters
+    ----------
+    clips, config, people : recordings, parameters, the network.
+    prefix : of the keys.
+
+    Returns
+    -------
+    By key, over all clips and people.
+    """
+    errors, swaps, limbs, lost = [], 0, 0, 0
+    for clip in clips:
+        bodies = {name: (clip.models[name], clip.starts[name]) for name in PEOPLE}
+        found, _ = followed(clip.rig, bodies, config, clip.sets, people)
+        for name, other in zip(PEOPLE, reversed(PEOPLE), strict=True):
+            places = np.array([joints_of(clip.models[name], estimate)[0] for estimate in found[name]])
+            off = np.linalg.norm(places - clip.truth[name], axis=2)
+            is_lost = lost_limbs(off[:, list(ENDS)], np.ones((len(off), len(ENDS)), dtype=np.bool_))
+            middles = [each.mean(axis=1) for each in (places, clip.truth[name], clip.truth[other])]
+            swapped = np.linalg.norm(middles[0] - middles[1], axis=1) > np.linalg.norm(middles[0] - middles[2], axis=1)
+            names = [clip.joints[end] for end, gone in zip(ENDS, is_lost, strict=True) if gone]
+            said = "".join(estimate.status.name[0] for estimate in found[name])
+            phases = ", ".join(f"{phase} {1e3 * off[first:end].mean():.0f}" for phase, (first, end) in PHASES.items())
+            what = f"{1e3 * off.mean():.1f} mm ({phases}), lost {', '.join(names) or 'nothing'}"
+            print(f"{prefix} {clip.folder.name} {name}: {what}\n{said}", file=sys.stderr)
+            errors.append(1e3 * off.mean())
+            swaps, limbs, lost = swaps + int(swapped.sum()), limbs + len(names), lost + _lost(found[name])
+    return {
+        f"{prefix}.swaps": swaps, f"{prefix}.lost_limbs": limbs, f"{prefix}.lost_sets": lost,
+        f"{prefix}.mpjpe12_mm": float(np.mean(errors)),
+    }  # fmt: skip
 
 
 def followed(
@@ -157,7 +205,7 @@ def woman_ious(clip: TwoPeople, estimates: Mapping[str, Sequence[TrackEstimate]]
     return found
 
 
-def _error_mm(clip: Clip, estimates: list[TrackEstimate], lag_images: float) -> float:
+def _error_mm(clip: BalancingClip, estimates: list[TrackEstimate], lag_images: float) -> float:
     result = judge(clip, Run(estimates, np.zeros(len(estimates))), "man", lag_images)
     print(f"man: {result.raw.mean_mm:.1f} mm, offset-free {result.offset_free.mean_mm:.1f}", file=sys.stderr)
     return float(result.raw.mean_mm)
@@ -184,6 +232,9 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     add = parser.add_argument
+    add("--quick", action="store_true", help="one rendered clip")
+    add("--only", choices=("real", "crossing"), help="only this recording")
+    add("--seeds", nargs="+", type=int, metavar="N", help="of rendered clips")
     add("--json", type=Path, metavar="FILE", help="write the figures there")
     add("--sample", type=Path, default=Path("out/demo/sample"), metavar="FOLDER", help="of the clip (default: %(default)s)")
     add("--output", type=Path, default=Path("out/benchmark/multi"), metavar="FOLDER", help="of what is kept")

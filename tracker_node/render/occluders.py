@@ -63,6 +63,7 @@ class Occluders:
     ----------
     depths : per camera (h, w) float32 meters along the optical axis, infinite where nothing is; (0, 0) without anything.
     neighbors : per camera, the other bodies, for kernels.
+    others : these bodies.
     """
 
     def __init__(self, scene: ArticulatedModel | None, rig: CameraRig, parallel: Callable[[Callable, list], list] = serial):
@@ -72,6 +73,7 @@ class Occluders:
             configuration = Configuration(scene, State.neutral(scene))
             self._fixed = [render_view(configuration, camera).depth for camera in rig]
         self.depths, self.neighbors = list(self._fixed), [NO_NEIGHBORS] * len(rig)
+        self.others: Sequence[Neighbor] = ()
         self._boxes: list[Region] = [(0, 0, 0, 0)] * len(rig)  # where the neighbors are
         self._small: dict[tuple[int, int], tuple[CameraModel, CameraModel]] = {}
 
@@ -83,6 +85,8 @@ class Occluders:
         neighbors : where they are expected.
         own : where this body is expected; None: it is not known.
         """
+
+        self.others = neighbors
 
         def show(i: int) -> None:
             views = [(neighbor, _seen(neighbor, i, self._rig.cameras[i])) for neighbor in neighbors]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
+from ..model.neighbors import Neighbor
 from ..objective.constraints.collision import CollisionObjective
 from ..objective.constraints.prior import CouplingObjective, Prior
 from ..objective.normal_equations import LeastSquaresObjective
@@ -79,12 +82,15 @@ def given_sigmas(given: State, motion: MotionConfig) -> np.ndarray:
     return sigmas
 
 
-def constraints_of(model: ArticulatedModel, config: TrackerConfig) -> list[LeastSquaresObjective]:
-    """Parts that may not pass through each other, and axes that follow others, where the model has such.
+def constraints_of(
+    model: ArticulatedModel, config: TrackerConfig, others: Callable[[], Sequence[Neighbor]] | None = None
+) -> list[LeastSquaresObjective]:
+    """Parts that may not pass through each other or other bodies, and axes that follow others, where the model has such.
 
     Parameters
     ----------
     model, config : body, and which of its constraints hold.
+    others : the other bodies that stand about at present; None: there are never any.
 
     Returns
     -------
@@ -92,8 +98,8 @@ def constraints_of(model: ArticulatedModel, config: TrackerConfig) -> list[Least
     """
     result: list[LeastSquaresObjective] = []
     if config.collision.enabled:
-        collisions = CollisionObjective(model, config.collision.sigma_m)
-        result += [collisions] if len(collisions.pairs) else []
+        collisions = CollisionObjective(model, config.collision.sigma_m, others or tuple)
+        result += [collisions] if len(collisions.pairs) or others is not None else []
     if model.chain.couplings:
         result.append(CouplingObjective(model.chain))
     return result

@@ -73,6 +73,13 @@ def two_arms(place: Place) -> None:
         place.lay(place.shelf.arm / "model.yaml", f"{name}.yaml")
 
 
+def two_bodies(place: Place) -> None:
+    """One body seen twice: whoever is second hides nothing of the first, and begins where it is."""
+    two_arms(place)
+    bodies = [f"  {name}: {{model: {name}.yaml, initial_state: start.yaml}}" for name in ("anna", "bert")]
+    (place.folder / "recording.yaml").write_text("\n".join(["rig: rig.yaml", "output: described", "bodies:", *bodies]) + "\n")
+
+
 def trials(place: Place) -> None:
     """The trials of the page: videos and bodies of two subjects."""
     two_arms(place)
@@ -302,7 +309,7 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/cameras.md", "Lights"): ((lit_cross,), ()),
     ("docs/cameras.md", "Images without distortion"): ((arm,), ()),
     ("docs/nodes.md", "pipeline"): ((arm,), ()),
-    ("docs/nodes.md", "Several subjects"): ((two_arms,), ()),
+    ("docs/nodes.md", "Several bodies"): ((two_bodies,), ()),
     ("docs/nodes.md", "Record"): ((arm,), GRAPH),
     ("docs/nodes.md", "Play"): ((long_bag,), ()),
     ("docs/nodes.md", "Track again"): ((arm_bag,), ()),
@@ -311,5 +318,6 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/results.md", "Export"): ((person_run,), ()),
     ("docs/studio.md", "Studio: set a pose, digitize, play back, watch"): ((arm_runs, arm_truth, control_points), ()),
     ("docs/tracking.md", "Choose what is compared"): ((arm,), GRAPH),
+    ("docs/tracking.md", "Several bodies"): ((two_bodies,), ()),
     ("docs/tracking.md", "Start without a pose"): ((arm,), ()),
 }

@@ -9,9 +9,10 @@ from helpers.bodies.bodies import gantry, random_state
 from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape
-from tracker_node.model.configuration import State
+from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
+from tracker_node.model.neighbors import Neighbor
 from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
 from tracker_node.objective.constraints.collision import CollisionObjective, round_cone_gap
 from tracker_node.objective.constraints.prior import Prior, SumObjective
@@ -156,3 +157,48 @@ def test_an_arm_drawn_through_the_trunk_is_kept_out():
     held = minimize(SumObjective([collisions], priors=[pull]), State.neutral(HUMAN), HUMAN.chain, options)
     assert -collisions.gaps(free.state).min() == pytest.approx(depth, abs=1e-3)
     assert -collisions.gaps(held.state).min() < 0.006
+
+
+def beside(model, x):
+    """The same body at rest, elsewhere."""
+    root = np.eye(4)
+    root[0, 3] = x
+    return Neighbor(Configuration(model, State.neutral(model, root)), np.zeros(len(model.shapes), np.int32), [])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_parts_do_not_go_into_other_bodies(seed):
+    """Twice as deep, as the other is not exactly where it is expected; it does not move."""
+    others = (beside(HUMAN, 0.2), beside(HUMAN, -5.0))
+    alone, among = CollisionObjective(HUMAN), CollisionObjective(HUMAN, others=lambda: others)
+    state = State.neutral(HUMAN).retract(np.random.default_rng(seed).normal(0.0, 0.1, HUMAN.n_dof))
+    base, found = alone.linearize(state), among.linearize(state)
+    assert found.count > base.count and found.cost > base.cost
+
+    def cost(tangent):
+        return np.array([among.linearize(state.retract(tangent)).cost - alone.linearize(state.retract(tangent)).cost])
+
+    step, differences = 1e-6, np.zeros(HUMAN.n_dof)
+    for k in range(HUMAN.n_dof):
+        tangent = np.zeros(HUMAN.n_dof)
+        tangent[k] = step
+        differences[k] = (cost(tangent) - cost(-tangent))[0] / (2.0 * step)
+    np.testing.assert_allclose(2.0 * (found.g - base.g), differences, atol=2e-3 * np.abs(differences).max())
+
+
+def test_two_bodies_are_pushed_apart_to_where_they_touch():
+    others = (beside(HUMAN, 0.15),)
+    among = CollisionObjective(HUMAN, 0.005, lambda: others)
+    start = State.neutral(HUMAN)
+    weak = Prior(start, np.full(HUMAN.n_dof, 1.0))
+    result = minimize(SumObjective([among], priors=[weak]), start, HUMAN.chain, LevenbergMarquardtOptions(60))
+    assert among.linearize(result.state).cost < 0.02 * among.linearize(start).cost
+
+
+def test_others_who_are_far_or_none_cost_nothing():
+    state = State.neutral(HUMAN)
+    base = CollisionObjective(HUMAN).linearize(state)
+    for others in ((), (beside(HUMAN, 3.0),)):
+        found = CollisionObjective(HUMAN, others=lambda others=others: others).linearize(state)
+        np.testing.assert_array_equal(found.H, base.H)
+        assert found.cost == base.cost

@@ -1,8 +1,9 @@
-"""Parts of a body that may not pass through each other, as a least-squares objective; distances of round cones."""
+"""Parts that may not pass through each other, or through other bodies, as a least-squares objective; distances of round cones."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -10,8 +11,11 @@ from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State, configured
 from ...model.kinematic_chain import KinematicChain
+from ...model.neighbors import Neighbor
 from ...model.shapes.primitives import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, nearest_on
 from ..normal_equations import NormalEquations
+
+_OTHERS_GIVE_WAY = 2.0  # times as deep may a part get into another body, which is not exactly where it is expected
 
 
 class CollisionObjective:
@@ -23,13 +27,17 @@ class CollisionObjective:
 
     Parameters
     ----------
+    model : the body.
     sigma_m : how deep parts may get into each other, as a standard deviation: flesh gives way, and models are not exact.
+    others : the other bodies that stand about at present, which stay where they are expected; a part may get into them twice as
+        deep.
     """
 
-    def __init__(self, model: ArticulatedModel, sigma_m: float = 0.02):
+    def __init__(self, model: ArticulatedModel, sigma_m: float = 0.02, others: Callable[[], Sequence[Neighbor]] = tuple):
         if not sigma_m > 0.0:
             raise ValueError(f"expected a positive sigma_m, got {sigma_m}")
-        self.model, self.sigma_m = model, sigma_m
+        self.model, self.sigma_m, self._others = model, sigma_m, others
+        self._among: _Among | None = None
         steps = _steps_between(model)
         nothing = (np.zeros((0, N_CAPSULE)),) * len(model.shapes)
         rows = model.capsules if (steps > 1).any() else nothing  # those of a mesh take a moment, and a rigid body needs none
@@ -67,6 +75,12 @@ class CollisionObjective:
             self.pairs, self._allowed, self._world_capsules, self._world_bounds, self._starts, self.model.shape_links,
             chain.link_moved_by, configuration.twists, self.sigma_m, H, g,
         )  # fmt: skip
+        others = self._others()
+        if others:
+            if self._among is None or self._among.others is not others:
+                self._among = _Among(self.model, others)
+            more, colliding = self._among.add(configuration, _OTHERS_GIVE_WAY * self.sigma_m, H, g)
+            cost, count = cost + more, count + colliding
         return NormalEquations(H, g, cost, count)
 
     def _place(self, configuration: Configuration) -> None:
@@ -74,6 +88,49 @@ class CollisionObjective:
             self._capsules, self._bounds, self._parts, self.model.shape_links, configuration.Ts_world_link,
             self._world_capsules, self._world_bounds,
         )  # fmt: skip
+
+
+class _Among:
+    """Every part of a body with every part of others, which do not move."""
+
+    def __init__(self, model: ArticulatedModel, others: Sequence[Neighbor]):
+        self.others, self._model = others, model
+        rows = [*model.capsules, *(placed for other in others for placed in _placed(other))]
+        own = self._n_own = len(model.shapes)
+        self._starts = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
+        self._capsules = np.concatenate([np.zeros((0, N_CAPSULE)), *rows])
+        self._bounds = np.array([_bounding_sphere(r) for r in rows]).reshape(-1, 4)
+        self._world_capsules, self._world_bounds = self._capsules.copy(), self._bounds.copy()
+        self._parts = np.repeat(np.arange(own), np.diff(self._starts[: own + 1]))
+        chain = model.chain
+        self._links = np.concatenate([model.shape_links, np.full(len(rows) - own, len(chain.links))]).astype(np.int64)
+        self._moved_by = np.vstack([chain.link_moved_by, np.zeros((1, chain.n_dof), dtype=chain.link_moved_by.dtype)])
+        pairs = [(i, j) for i in range(own) for j in range(own, len(rows)) if len(rows[i]) and len(rows[j])]
+        self._pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        self._allowed = np.zeros(len(pairs))
+
+    def add(self, configuration: Configuration, sigma_m: float, H: np.ndarray, g: np.ndarray) -> tuple[float, int]:
+        """`add_collisions` of the body in a state."""
+        own, n = self._n_own, int(self._starts[self._n_own])
+        place_capsules(
+            self._capsules[:n], self._bounds[:own], self._parts, self._model.shape_links, configuration.Ts_world_link,
+            self._world_capsules[:n], self._world_bounds[:own],
+        )  # fmt: skip
+        return add_collisions(
+            self._pairs, self._allowed, self._world_capsules, self._world_bounds, self._starts, self._links, self._moved_by,
+            configuration.twists, sigma_m, H, g,
+        )  # fmt: skip
+
+
+def _placed(other: Neighbor) -> list[np.ndarray]:
+    """(n, `N_CAPSULE`) round cones of every part, in the world."""
+    found = []
+    for link, rows in zip(other.body.model.shape_links, other.body.model.capsules, strict=True):
+        T, placed = other.body.Ts_world_link[link], np.array(rows)
+        for at in (START, END):
+            placed[:, at : at + 3] = rows[:, at : at + 3] @ T[:3, :3].T + T[:3, 3]
+        found.append(placed)
+    return found
 
 
 def _bounding_sphere(capsules: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
+from ...model.neighbors import Neighbor
 from ...objective.chamfer.correspondences import ContourBody, ContourCorrespondences, ContourOptions, EvidenceMaps
 from ...objective.constraints.prior import Prior
 from ...objective.per_camera import bodies_seen
@@ -118,6 +119,10 @@ class ChamferModality(Modality):
         ]
         return ContourCorrespondences(self._body, maps, self._options[detail], state, self._offsets(state))
 
+    def others(self) -> Sequence[Neighbor]:
+        """Other bodies that stand about."""
+        return self._occluders.others
+
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
         """Appearances change slowly: in each image set some of the cameras learn."""
         turn = cameras_in_turn(images, self._count, self._config.chamfer.learn_every)
@@ -194,7 +199,7 @@ class ChamferFitting(Solver):
 
     def __init__(self, model: ArticulatedModel, config: TrackerConfig, modality: ChamferModality):
         self._config, self._modality = config, modality
-        self._fitter, self._rest = Fitter(model, constraints_of(model, config)), resting(model, config.motion)
+        self._fitter, self._rest = Fitter(model, constraints_of(model, config, modality.others)), resting(model, config.motion)
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """Coarse iterations, then fine ones."""

@@ -72,7 +72,7 @@ class RegionFitting:
         points: KeypointModality | None = None,
     ):
         self._model, self._config, self.region, self._beside, self._points = model, config, region, beside, points
-        self._fitter = Fitter(model, constraints_of(model, config))
+        self._fitter = Fitter(model, constraints_of(model, config, region.others))
         self._rest, self._finest = resting(model, config.motion), numbers(config.region.scales)[-1]
         self._curvature = curvature_share(config.region.robust_sigmas)
         self._fine_damping = np.full(model.n_dof, _FINE_DAMPING)

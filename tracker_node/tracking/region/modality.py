@@ -17,6 +17,7 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
 from ...model.humans.keypoints import relative_size
 from ...model.humans.surfaces import expected_surfaces
+from ...model.neighbors import Neighbor
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, LineOptions, Offsets, PartEvidence, View
 from ...objective.lines.surfaces import N_UNKNOWNS, Surfaces, SurfaceSums
 from ...objective.per_camera import camera_constants
@@ -80,7 +81,7 @@ class RegionModality(Modality):
         occluders: Occluders | None = None,
         backgrounds: Mapping[str, np.ndarray | list] | None = None,
     ):
-        occluders = occluders or Occluders(None, rig)
+        self._occluders = occluders = occluders or Occluders(None, rig)
         self._model, self._config = model, config.region
         self.appearance = RegionAppearance(
             rig, model, config.region, config.background, parallel, occluders, backgrounds or {}, config.keypoints
@@ -101,6 +102,10 @@ class RegionModality(Modality):
     def surfaces(self) -> np.ndarray | None:
         """See `Modality.surfaces`; followed while points hold the joints."""
         return None if self._surfaces is None else self._surfaces.surfaces.means
+
+    def others(self) -> Sequence[Neighbor]:
+        """Other bodies that stand about."""
+        return self._occluders.others
 
     @property
     def colors(self) -> PartColors:
