@@ -74,7 +74,8 @@ class Occluders:
             self._fixed = [render_view(configuration, camera).depth for camera in rig]
         self.depths, self.neighbors = list(self._fixed), [NO_NEIGHBORS] * len(rig)
         self.others: Sequence[Neighbor] = ()
-        self._boxes: list[Region] = [(0, 0, 0, 0)] * len(rig)  # where the neighbors are
+        self._boxes: list[Region] = [(0, 0, 0, 0)] * len(rig)  # where the neighbors are, as last drawn
+        self._drawn: list[tuple[np.ndarray, np.ndarray] | None] = [None] * len(rig)
         self._small: dict[tuple[int, int], tuple[CameraModel, CameraModel]] = {}
 
     def show(self, neighbors: Sequence[Neighbor], own: Neighbor | None) -> None:
@@ -99,9 +100,8 @@ class Occluders:
         self._parallel(show, list(range(len(self._rig))))
 
     def _draw(self, i: int, camera: Camera, drawn: list[tuple[Neighbor, RenderedView]], own: Neighbor | None) -> None:
-        size, fixed = (camera.model.height, camera.model.width), self._fixed[i]
-        labels, depth = np.zeros(size, np.uint8), np.full(size, np.inf, np.float32)
-        colors: list[np.ndarray] = []
+        fixed, colors = self._fixed[i], list[np.ndarray]()
+        labels, depth = self._cleared(i, camera.model)
         for neighbor, view in drawn:
             known, table = neighbor.colors[i], np.full(256, SAYS_NOTHING, np.uint8)
             if known is not None:
@@ -120,8 +120,19 @@ class Occluders:
             labels[fixed < depth] = 0
         corners = np.array([view.region for _, view in drawn])
         self._boxes[i] = (*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
+        self._drawn[i] = labels, depth
         self.depths[i] = np.minimum(depth, fixed) if fixed.size else depth
         self.neighbors[i] = labels, np.concatenate(colors) if colors else NO_NEIGHBORS[1]
+
+    def _cleared(self, i: int, lens: CameraModel) -> tuple[np.ndarray, np.ndarray]:
+        """Labels and depth of nobody: those of the last image set, since to fill large images takes as long as to draw bodies."""
+        drawn = self._drawn[i]
+        if drawn is None:
+            size = lens.height, lens.width
+            return np.zeros(size, np.uint8), np.full(size, np.inf, np.float32)
+        labels, depth = drawn
+        labels[_on(self._boxes[i])], depth[_on(self._boxes[i])] = 0, np.inf
+        return labels, depth
 
     def look(
         self, index: int, configuration: Configuration, camera: Camera, margin_px: int = 0, every: int = 1

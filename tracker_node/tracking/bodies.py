@@ -76,7 +76,12 @@ class Bodies:
             tracker.reinitialize(near)
 
     def take_over(self, other: Bodies, image_set: ImageSet) -> None:
-        """See `Tracker.take_over`; of a body that is alone."""
+        """See `Tracker.take_over`; each body from its tracker before.
+
+        Parameters
+        ----------
+        other, image_set : those that have tracked until now; their latest image set.
+        """
         for name, tracker in self.trackers.items():
             tracker.take_over(other.trackers[name], image_set)
 

@@ -13,6 +13,7 @@ from ...model.configuration import Configuration, State, configured
 from ...model.kinematic_chain import KinematicChain
 from ...model.neighbors import Neighbor
 from ...model.shapes.primitives import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, nearest_on
+from ...render.shape_arrays import MadeOnce
 from ..normal_equations import NormalEquations
 
 _OTHERS_GIVE_WAY = 2.0  # times as deep may a part get into another body, which is not exactly where it is expected
@@ -90,47 +91,54 @@ class CollisionObjective:
         )  # fmt: skip
 
 
+class _Cones:
+    """The round cones of all parts of a body, one part after the other, in the frames of their links."""
+
+    def __init__(self, model: ArticulatedModel):
+        rows = model.capsules
+        self.count = np.array([len(r) for r in rows], dtype=np.int64)
+        self.capsules = np.concatenate([np.zeros((0, N_CAPSULE)), *rows])
+        self.bounds = np.array([_bounding_sphere(r) for r in rows]).reshape(-1, 4)
+        self.parts = np.repeat(np.arange(len(rows)), self.count)
+        self.links = model.shape_links
+
+    def place(self, configuration: Configuration, capsules: np.ndarray, bounds: np.ndarray) -> None:
+        """Write them, and the spheres about them, as they are in the world."""
+        place_capsules(self.capsules, self.bounds, self.parts, self.links, configuration.Ts_world_link, capsules, bounds)
+
+
+_cones: Callable[[ArticulatedModel], _Cones] = MadeOnce(_Cones)
+
+
 class _Among:
     """Every part of a body with every part of others, which do not move."""
 
     def __init__(self, model: ArticulatedModel, others: Sequence[Neighbor]):
-        self.others, self._model = others, model
-        rows = [*model.capsules, *(placed for other in others for placed in _placed(other))]
-        own = self._n_own = len(model.shapes)
-        self._starts = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
-        self._capsules = np.concatenate([np.zeros((0, N_CAPSULE)), *rows])
-        self._bounds = np.array([_bounding_sphere(r) for r in rows]).reshape(-1, 4)
-        self._world_capsules, self._world_bounds = self._capsules.copy(), self._bounds.copy()
-        self._parts = np.repeat(np.arange(own), np.diff(self._starts[: own + 1]))
+        self.others, self._own = others, _cones(model)
+        every = [self._own, *(_cones(other.body.model) for other in others)]
+        counts = np.concatenate([each.count for each in every])
+        self._starts = np.concatenate([[0], np.cumsum(counts)])
+        self._capsules, self._bounds = np.empty((self._starts[-1], N_CAPSULE)), np.empty((len(counts), 4))
+        own = part = len(self._own.count)
+        for other, cones in zip(others, every[1:], strict=True):
+            end, capsules = part + len(cones.count), slice(self._starts[part], self._starts[part + len(cones.count)])
+            cones.place(other.body, self._capsules[capsules], self._bounds[part:end])
+            part = end
         chain = model.chain
-        self._links = np.concatenate([model.shape_links, np.full(len(rows) - own, len(chain.links))]).astype(np.int64)
+        self._links = np.concatenate([model.shape_links, np.full(len(counts) - own, len(chain.links), model.shape_links.dtype)])
         self._moved_by = np.vstack([chain.link_moved_by, np.zeros((1, chain.n_dof), dtype=chain.link_moved_by.dtype)])
-        pairs = [(i, j) for i in range(own) for j in range(own, len(rows)) if len(rows[i]) and len(rows[j])]
-        self._pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-        self._allowed = np.zeros(len(pairs))
+        one, other_part = np.nonzero(np.outer(self._own.count > 0, counts[own:] > 0))
+        self._pairs = np.stack([one, own + other_part], axis=1)
+        self._allowed = np.zeros(len(one))
 
     def add(self, configuration: Configuration, sigma_m: float, H: np.ndarray, g: np.ndarray) -> tuple[float, int]:
         """`add_collisions` of the body in a state."""
-        own, n = self._n_own, int(self._starts[self._n_own])
-        place_capsules(
-            self._capsules[:n], self._bounds[:own], self._parts, self._model.shape_links, configuration.Ts_world_link,
-            self._world_capsules[:n], self._world_bounds[:own],
-        )  # fmt: skip
+        own = len(self._own.count)
+        self._own.place(configuration, self._capsules[: self._starts[own]], self._bounds[:own])
         return add_collisions(
-            self._pairs, self._allowed, self._world_capsules, self._world_bounds, self._starts, self._links, self._moved_by,
+            self._pairs, self._allowed, self._capsules, self._bounds, self._starts, self._links, self._moved_by,
             configuration.twists, sigma_m, H, g,
         )  # fmt: skip
-
-
-def _placed(other: Neighbor) -> list[np.ndarray]:
-    """(n, `N_CAPSULE`) round cones of every part, in the world."""
-    found = []
-    for link, rows in zip(other.body.model.shape_links, other.body.model.capsules, strict=True):
-        T, placed = other.body.Ts_world_link[link], np.array(rows)
-        for at in (START, END):
-            placed[:, at : at + 3] = rows[:, at : at + 3] @ T[:3, :3].T + T[:3, 3]
-        found.append(placed)
-    return found
 
 
 def _bounding_sphere(capsules: np.ndarray) -> np.ndarray:

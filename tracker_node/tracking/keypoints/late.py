@@ -46,6 +46,7 @@ class LatePoints:
     def __init__(self, rig: CameraRig, model: ArticulatedModel, table: KeypointTable):
         self._rig, own = rig, points_of(model, table)[0]
         self._needed = tuple(dict.fromkeys([*own, *map(mirrored_name, own)]))
+        self._complete: dict[tuple[str, ...], bool] = {}  # whether these names are all that are needed
         self.reset()
 
     def reset(self) -> None:
@@ -105,8 +106,10 @@ class LatePoints:
         return tuple(completed(person, self._needed) for person in image.people)
 
     def _is_complete(self, names: tuple[str, ...]) -> bool:
-        given = set(names)
-        return given.issuperset(self._needed) and given.issuperset(map(mirrored_name, names))
+        if names not in self._complete:
+            given = set(names)
+            self._complete[names] = given.issuperset(self._needed) and given.issuperset(map(mirrored_name, names))
+        return self._complete[names]
 
 
 def _size(image_set: ImageSet) -> int:
