@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from helpers.cameras.two_people import write_recording
 from tracker_node.api.functions import track
 from tracker_node.api.recording import recording_of
 from tracker_node.batch import batch
@@ -47,6 +48,26 @@ def test_trials_have_the_states_that_they_have_one_by_one(trials_file, tmp_path)
     low, high = first.ranges["elbow_flexion"]
     assert -140.0 < low < high < 6.0
     assert not list((tmp_path / "out/.batch").glob("*/*"))
+
+
+def test_a_trial_of_several_bodies(tmp_path):
+    write_recording(tmp_path / "two", 3)
+    bodies = "{one: {model: two/one.yaml, initial_state: two/one_start.yaml}, gone: {model: two/other.yaml}}"
+    file = tmp_path / "trials.yaml"
+    text = "output: out\ncommon: {rig: two/rig.yaml, images: {rate_hz: 30}}\ntrials:\n  pair: {bodies: BODIES}\n"
+    file.write_text(text.replace("BODIES", bodies))
+    (outcome,) = run_batch(load_trials(file), BatchOptions(1))
+    assert outcome.state == TRACKED and outcome.image_sets == 6 and outcome.status_counts["INITIALIZING"] == 3
+    assert any("gone was not found in 3 image sets" in problem for problem in outcome.problems)
+    assert outcome.metrics["one.residual_px"] < 2.0 and not any(key.startswith("gone") for key in outcome.metrics)
+    assert set(outcome.ranges) and all(name.startswith("one.") for name in outcome.ranges)
+    assert (tmp_path / "out/pair/one/states.csv").exists() and (tmp_path / "out/pair/gone/run.json").exists()
+    told: list[str] = []
+    (again,) = run_batch(load_trials(file), BatchOptions(1), told.append)
+    assert (again.inputs, again.wall_s) == (outcome.inputs, outcome.wall_s) and not told
+    (tmp_path / "two/one_start.yaml").write_text((tmp_path / "two/one_start.yaml").read_text() + "# \n")
+    run_batch(load_trials(file), BatchOptions(1), told.append)
+    assert told
 
 
 def test_what_is_done_is_left_and_what_has_changed_is_tracked_again(trials_file, tmp_path):

@@ -65,11 +65,8 @@ def open_bodies(path: str | Path) -> dict[str, Recording]:
     --------
     >>> runs = track_bodies(open_bodies("recording.yaml"), "out/two")  # doctest: +SKIP
     """
-    file = load_recording(path)
-    if not file.bodies:
-        alone = recording_of(file)
-        return {alone.model.name: alone}
-    return {name: recording_of(file.of_body(name)) for name in file.bodies}
+    recordings = {name: recording_of(alone) for name, alone in load_recording(path).each().items()}
+    return {name or each.model.name: each for name, each in recordings.items()}
 
 
 def recording_of(file: RecordingFile) -> Recording:

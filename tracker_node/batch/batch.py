@@ -13,7 +13,6 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from ..api.recording import recording_of
 from ..errors import TrackerError, UnknownNameError
 from ..loaders.owned_folder import OwnedFolder
 from ..loaders.trials_yaml import Trial, Trials
@@ -179,7 +178,7 @@ def _job_or_outcome(trial: Trial, output: Path, token: str, options: BatchOption
     place = output / trial.name
     try:
         check_ours(place)
-        inputs = inputs_of(trial.recording, recording_of(trial.recording))
+        inputs = inputs_of(trial.recording)
     except (TrackerError, OSError) as error:
         return Outcome(trial.name, trial.subject, FAILED_STATE, str(error))
     before = read_outcome(place)

@@ -10,6 +10,7 @@ import socket
 import time
 import traceback
 import uuid
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from glob import glob
@@ -31,7 +32,7 @@ from ..loaders.json_values import finite, read_json
 from ..loaders.recording_yaml import FILES, RecordingFile
 from ..loaders.whole_file import write_whole
 from ..model.configuration import N_ROOT_DOF, variable_names
-from ..runs.offline import OfflineRun, Recording, run_offline
+from ..runs.offline import OfflineRun, Recording, run_together
 from ..tracking.estimate import TrackEstimate
 from ..version import __version__
 
@@ -141,18 +142,21 @@ def read_outcome(folder: Path) -> Outcome | None:
         return None
 
 
-def inputs_of(file: RecordingFile, recording: Recording) -> str:
+def inputs_of(file: RecordingFile) -> str:
     """Digest of all that a trial is made from: what it says, the content of small files, size and time of large ones.
 
-    Parameters
-    ----------
-    file, recording : as it stands in a file, and with the files read that it names.
-
-    Returns
-    -------
-    SHA-256, hexadecimal.
+    Raises
+    ------
+    TrackerError, OSError : of a file that is wrong or missing.
     """
-    found = hashlib.sha256(file.model_dump_json(exclude={"output"}).encode())
+    found = hashlib.sha256()
+    for one in file.each().values():
+        _add_inputs(one, recording_of(one), found)
+    return found.hexdigest()
+
+
+def _add_inputs(file: RecordingFile, recording: Recording, found: Any) -> None:
+    found.update(file.model_dump_json(exclude={"output"}).encode())
     for name in FILES:
         if getattr(file, name):
             found.update(Path(getattr(file, name)).read_bytes())
@@ -163,7 +167,6 @@ def inputs_of(file: RecordingFile, recording: Recording) -> str:
     large += [] if file.evaluate is None else [*file.evaluate.truth, *([file.evaluate.masks] if file.evaluate.masks else [])]
     for source in large:
         found.update(f"{source} {_stamp_of(Path(source))}\n".encode())
-    return found.hexdigest()
 
 
 def _stamp_of(path: Path) -> str:
@@ -186,29 +189,38 @@ def _check_place(job: Job) -> None:
 
 
 def _tracked(job: Job, draft: Path) -> Outcome:
-    recording, entry = recording_of(job.recording), job.recording.evaluate
-    if entry is not None:
-        check_evaluation(f"trial {job.name}", entry, recording.model)
-    if job.threads is not None:
-        recording = replace(recording, config=replace(recording.config, threads=job.threads))
+    bodies, runs = job.recording.each(), {}
+    for body, file in bodies.items():
+        recording = recording_of(file)
+        if file.evaluate is not None:
+            check_evaluation(f"trial {job.name}", file.evaluate, recording.model)
+        if job.threads is not None:
+            recording = replace(recording, config=replace(recording.config, threads=job.threads))
+        runs[body] = OfflineRun(**vars(recording), asked=recording.named_options())
     problems: list[str] = []
-    what = OfflineRun(**vars(recording), asked=recording.named_options())
-    summary = run_offline(what, draft, _progress(job), problems.append)
-    problems += [sentence for sentence in summary["errors"] if sentence not in problems]
-    if not summary["image_sets"]:
+    summaries = run_together(runs, {body: draft / body for body in bodies}, _progress(job), problems.append)
+    problems += [sentence for summary in summaries.values() for sentence in summary["errors"] if sentence not in problems]
+    if not any(summary["image_sets"] for summary in summaries.values()):
         raise TrackerError("; ".join(problems) or "no image set was formed from the images")
-    if not any(count for name, count in summary["status_counts"].items() if name != "INITIALIZING"):
-        raise TrackerError(f"the body was not found in {summary['image_sets']} image sets: {summary['reason']}")
-    found = _reviewed(job, draft)
-    metrics = {key: finite(value) for key, value in found.metrics().items()}
-    name = found.name
+    metrics: dict[str, float | int | None] = {}
+    ranges: dict[str, tuple[float, float]] = {}
+    counts: Counter[str] = Counter()
+    for body, file in bodies.items():
+        summary, of = summaries[body], f"{body}." if body else ""
+        counts.update(summary["status_counts"])
+        if not any(count for name, count in summary["status_counts"].items() if name != "INITIALIZING"):
+            lacking = f"{body or 'the body'} was not found in {summary['image_sets']} image sets: {summary['reason']}"
+            if all(name == "INITIALIZING" for each in summaries.values() for name, n in each["status_counts"].items() if n):
+                raise TrackerError(lacking)
+            problems.append(lacking)
+            continue
+        found = _reviewed(job.name, file, draft / body)
+        metrics |= {of + key.removeprefix(f"{found.name}."): finite(value) for key, value in found.metrics().items()}
+        ranges |= {of + name: ends for name, ends in _ranges(found).items()}
+        problems += [f"{body}: {sentence}" if body else sentence for sentence in found.problems]
     return Outcome(
-        job.name, job.subject, TRACKED,
-        problems=tuple(dict.fromkeys([*problems, *found.problems])),
-        image_sets=summary["image_sets"],
-        status_counts=summary["status_counts"],
-        metrics={key.removeprefix(f"{name}."): value for key, value in metrics.items()},
-        ranges=_ranges(found),
+        job.name, job.subject, TRACKED, problems=tuple(dict.fromkeys(problems)), image_sets=sum(counts.values()),
+        status_counts=dict(counts), metrics=metrics, ranges=ranges,
     )  # fmt: skip
 
 
@@ -225,16 +237,16 @@ def _progress(job: Job) -> Callable[[int, int | None, TrackEstimate], None]:
     return note
 
 
-def _reviewed(job: Job, draft: Path) -> Review:
+def _reviewed(name: str, recording: RecordingFile, draft: Path) -> Review:
     """The run against truth, where the trial names any, with a report of its own then."""
-    entry = job.recording.evaluate
+    entry = recording.evaluate
     if entry is None:
-        return review_run(RunFiles(str(draft), pictures=0, options=EvaluationOptions(job.name)), _nothing)
+        return review_run(RunFiles(str(draft), pictures=0, options=EvaluationOptions(name)), _nothing)
     lag = None if entry.lag == "auto" else float(entry.lag)
-    options = EvaluationOptions(job.name, lag, entry.align, entry.image_sets)
+    options = EvaluationOptions(name, lag, entry.align, entry.image_sets)
     masks = load_reference_masks(entry.masks) if entry.masks else {}
     files = RunFiles(
-        str(draft), rig=job.recording.rig, truth=entry.truth, y_up=entry.y_up, masks=masks, pictures=_PICTURES, options=options
+        str(draft), rig=recording.rig, truth=entry.truth, y_up=entry.y_up, masks=masks, pictures=_PICTURES, options=options
     )
     found = review_run(files, _nothing)
     write_report(draft, [found], ReportOptions(dict(map(parse_target, entry.targets))))

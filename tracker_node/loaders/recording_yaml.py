@@ -206,6 +206,10 @@ class RecordingFile(FileModel):
         own |= {"config": body.config or self.config, "output": os.path.join(self.output, name), "bodies": {}}
         return self.model_copy(update=own)
 
+    def each(self) -> dict[str, RecordingFile]:
+        """The recordings of all bodies alone, by name; "" of one that is alone."""
+        return {name: self.of_body(name) for name in self.bodies} or {"": self}
+
     def sources_of(self, cameras: Iterable[str]) -> dict[str, str]:
         """Camera -> source, of the cameras whose sources are named here; a pattern is filled for each of ``cameras``."""
         if isinstance(self.sources, str):
