@@ -44,6 +44,8 @@ from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.model.clothes import with_surfaces
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.parallel import short_switches
+from tracker_node.render.overlay import draw_overlay
 from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.bodies import Bodies, shared_threads
@@ -53,6 +55,7 @@ from tracker_node.tracking.tracker import Tracker
 
 WOMAN_AT_M = np.array([0.24, -0.37, 0.7])
 LEAST_MASK_PX = 2000
+SHOWN, SHOWN_CAMERAS = (22, 60, 96, 140), 4  # image sets and cameras of the picture
 HELD_OUT = (101, 102, 103)  # seeds of clips whose people the tracker's tables have not seen
 
 
@@ -68,7 +71,8 @@ def main(arguments: list[str] | None = None) -> int:
             figures |= real(args.sample, args.output, config, people)
         if args.only != "real":
             clips = [make_clip(seed, DEFAULT_CACHE) for seed in (args.seeds or (HELD_OUT[:1] if args.quick else HELD_OUT))]
-            figures |= crossing(clips, config, people, "crossing") | crossing(clips, outlines, people, "crossing_contours")
+            figures |= crossing(clips, config, people, "crossing", args.picture)
+            figures |= crossing(clips, outlines, people, "crossing_contours")
     except TrackerError as error:
         print(f"multi: error: {error}", file=sys.stderr)
         return 2
@@ -116,13 +120,16 @@ def real(sample: Path, output: Path, config: TrackerConfig, people: KeptPeople) 
     return figures
 
 
-def crossing(clips: Sequence[Clip], config: TrackerConfig, people: KeptPeople, prefix: str) -> dict[str, float | int]:
+def crossing(
+    clips: Sequence[Clip], config: TrackerConfig, people: KeptPeople, prefix: str, picture: Path | None = None
+) -> dict[str, float | int]:
     """Rendered people who cross, embrace and change places.
 
     Parameters
     ----------
     clips, config, people : recordings, parameters, the network.
     prefix : of the keys.
+    picture : of both over the images of the first clip is written there; None: none.
 
     Returns
     -------
@@ -132,6 +139,9 @@ def crossing(clips: Sequence[Clip], config: TrackerConfig, people: KeptPeople, p
     for clip in clips:
         bodies = {name: (clip.models[name], clip.starts[name]) for name in PEOPLE}
         found, _ = followed(clip.rig, bodies, config, clip.sets, people)
+        if picture is not None:
+            cv2.imwrite(str(picture), drawn(clip, found), [cv2.IMWRITE_JPEG_QUALITY, 85])
+            picture = None
         for name, other in zip(PEOPLE, reversed(PEOPLE), strict=True):
             places = np.array([joints_of(clip.models[name], estimate)[0] for estimate in found[name]])
             off = np.linalg.norm(places - clip.truth[name], axis=2)
@@ -149,6 +159,28 @@ def crossing(clips: Sequence[Clip], config: TrackerConfig, people: KeptPeople, p
         f"{prefix}.swaps": swaps, f"{prefix}.lost_limbs": limbs, f"{prefix}.lost_sets": lost,
         f"{prefix}.mpjpe12_mm": float(np.mean(errors)),
     }  # fmt: skip
+
+
+def drawn(clip: Clip, found: Mapping[str, Sequence[TrackEstimate]]) -> np.ndarray:
+    """Both people in their clothes over the images of some cameras, an image set a row.
+
+    Parameters
+    ----------
+    clip, found : the recording, and both in it.
+
+    Returns
+    -------
+    BGR image.
+    """
+    rows = []
+    for number in SHOWN:
+        images = [clip.sets[number].images[i].pixels for i in range(SHOWN_CAMERAS)]
+        for name in PEOPLE:
+            estimate, model = found[name][number], clip.models[name]
+            seen = Configuration(model if estimate.surfaces is None else with_surfaces(model, estimate.surfaces), estimate.state)
+            images = [draw_overlay(image, seen, camera) for image, camera in zip(images, clip.rig, strict=False)]
+        rows.append(np.hstack(images))
+    return cv2.resize(np.vstack(rows), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
 
 
 def followed(
@@ -174,10 +206,11 @@ def followed(
     together, found, times = Bodies(trackers, at_once), {name: [] for name in bodies}, []
     for image_set in sets:
         seen, _ = people.with_people(together, image_set)
-        began = time.perf_counter()
-        together.estimate(seen)
-        together.learn()
-        times.append(1e3 * (time.perf_counter() - began))
+        with short_switches():  # as in a run
+            began = time.perf_counter()
+            together.estimate(seen)
+            together.learn()
+            times.append(1e3 * (time.perf_counter() - began))
         for name, estimate in together.estimates.items():
             found[name].append(estimate)
     return found, np.array(times)
@@ -235,6 +268,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     add("--quick", action="store_true", help="one rendered clip")
     add("--only", choices=("real", "crossing"), help="only this recording")
     add("--seeds", nargs="+", type=int, metavar="N", help="of rendered clips")
+    add("--picture", type=Path, metavar="FILE", help="write the first rendered clip with both people there (JPEG)")
     add("--json", type=Path, metavar="FILE", help="write the figures there")
     add("--sample", type=Path, default=Path("out/demo/sample"), metavar="FOLDER", help="of the clip (default: %(default)s)")
     add("--output", type=Path, default=Path("out/benchmark/multi"), metavar="FOLDER", help="of what is kept")

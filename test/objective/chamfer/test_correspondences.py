@@ -17,7 +17,7 @@ from tracker_node.objective.chamfer.correspondences import (
     EvidenceMaps,
 )
 from tracker_node.objective.constraints.prior import Prior, SumObjective
-from tracker_node.objective.per_camera import serial
+from tracker_node.parallel import serial
 
 
 def smooth_maps(seed: int, offset: float = 0.0) -> EvidenceMaps:
