@@ -9,20 +9,22 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...camera.rig import CameraRig, axes_equations
+from ...camera.rig import Camera, CameraRig, axes_equations
 from ...errors import CalibrationError
 from ...loaders.images.source import open_camera_source
+from ...loaders.images.timecode import DAY_S, Timecode, read_timecode
 from ...loaders.sound_file import read_sound
 from ...parallel import Workers
 from ...report.document import CYCLE
 from .flashes import flash_lags, seen_flashes
-from .motion import MOST_AT_ONCE, beginning, measured_motions
+from .motion import MOST_AT_ONCE, Lag, beginning, measured_motions, pairs_that_agree
 from .offsets import ClockOptions, Clocks, clocks_of_pairs, estimate_clocks
 from .sound import SPEED_OF_SOUND, Heard, sound_lags
 
-MOTION, SOUND, FLASH = WAYS = ("motion", "sound", "flash")
+MOTION, SOUND, FLASH, TIMECODE = WAYS = ("motion", "sound", "flash", "timecode")
 _KNOWN_M, _SOMEWHERE_M, _ANYWHERE_M = 0.1, 1.0, 3.0  # how well the place of a sound is known
 _SHOWN_S = 1.0  # on either side of the strongest event
+_SHOWN_TIMECODE_S = 10.0
 _ENVELOPE_S = 1e-3
 
 Signal = tuple[np.ndarray, np.ndarray]
@@ -70,13 +72,44 @@ def synchronized(
     Raises
     ------
     CalibrationError : a camera that shows or hears nothing that others do.
-    FileFormatError : a source without sound.
+    FileFormatError : a source without sound, or timecode.
     """
     if way == MOTION:
         motions = measured_motions(rig, seconds, whole_images, lambda camera, n: progress(camera, f"{n} images"))
         altogether = {m.camera: (m.times_s, np.mean([p.mean(axis=1) for p in m.profiles.values()], axis=0)) for m in motions}
         return Synchronization(estimate_clocks(motions, options), {m.camera: m.first_s for m in motions}, altogether, "motion")
+    if way == TIMECODE:
+        return _by_timecode(rig, progress)
     return _by_sound(rig, options, seconds, place, progress) if way == SOUND else _by_flash(rig, options, seconds, progress)
+
+
+def _by_timecode(rig: CameraRig, progress: Progress) -> Synchronization:
+    """By what the cameras have written: their images are exposed at any time within the period that they number."""
+    found: dict[str, tuple[float, Timecode]] = {}
+    for camera in rig:
+        found[camera.name] = _first_stamp_s(camera), read_timecode(camera.source or camera.name)
+        progress(camera.name, f"timecode {found[camera.name][1].label} at {found[camera.name][1].rate_hz:.5g} Hz")
+
+    def lag(a: tuple[float, Timecode], b: tuple[float, Timecode]) -> Lag:
+        apart_s = (b[1].seconds - a[1].seconds + 0.5 * DAY_S) % DAY_S - 0.5 * DAY_S  # also over midnight
+        return Lag(b[0] - a[0] - apart_s, (a[1].rate_hz**-2 + b[1].rate_hz**-2) / 12.0, 1.0, 0.0)
+
+    pairs, runners_up = pairs_that_agree(list(found.values()), lag)
+    first_s = {name: first for name, (first, _) in found.items()}
+    clocks = clocks_of_pairs(pairs, rig.names, runners_up, float(np.median(list(first_s.values()))), what=TIMECODE)
+    signals, shifts = {}, {name: clock.offset_s for name, clock in clocks.cameras.items()}
+    begun_s = max(first + shifts[name] for name, (first, _) in found.items())  # all of them, in common time
+    for name, (first, timecode) in found.items():
+        since_s = begun_s - shifts[name] - first + np.arange(0.0, _SHOWN_TIMECODE_S, 1.0 / timecode.rate_hz)
+        signals[name] = first + since_s, -((timecode.seconds + since_s) % 1.0)  # rises with each whole second
+    return Synchronization(clocks, first_s, signals, "rest of the timecode's second")
+
+
+def _first_stamp_s(camera: Camera) -> float:
+    stamp_ns, _ = next(iter(open_camera_source(camera)), (None, None))
+    if stamp_ns is None:
+        raise CalibrationError(camera.name, "has no image")
+    return 1e-9 * stamp_ns
 
 
 def _by_sound(
@@ -85,10 +118,7 @@ def _by_sound(
     ways, known_m = _ways(rig, place)
     heard, first_s = [], {}
     for camera, way_m in zip(rig, ways, strict=True):
-        stamp_ns, _ = next(iter(open_camera_source(camera)), (None, None))
-        if stamp_ns is None:
-            raise CalibrationError(camera.name, "has no image")
-        first_s[camera.name] = 1e-9 * stamp_ns
+        first_s[camera.name] = _first_stamp_s(camera)
         track = read_sound(camera.source or camera.name, seconds)
         pace = 1.0 + 1e-6 * camera.time_drift_ppm  # of common time to the camera's own, as its images are stamped
         begins_s = first_s[camera.name] + pace * track.after_images_s
