@@ -166,6 +166,16 @@ def test_other_parameters_take_everybody_over(sets):
         assert mean_error_m(name, estimate.state, 3) < 0.02
 
 
+def test_things_beside_people_are_not_looked_for_by_the_detector_of_people(sets):
+    """Nor do they keep it from looking where people are."""
+    person, thing = trackers(modalities=("region", "keypoints"))["one"], trackers()["other"]
+    bodies = Bodies({"thing": thing, "one": person})
+    thing.reinitialize()
+    assert bodies.expected_crops(0) == person.expected_crops(0) != [()] * len(SCENE.rig)
+    given = bodies._sets_of(sets[0])
+    assert len(given["thing"].neighbors) == 1 and not given["one"].neighbors
+
+
 def test_late_points_are_each_ones_too():
     """Of two image sets before, as a live graph has them."""
     bodies, period = Bodies(by_points(one=(0.9, 0.3, 1.0))), range(40)

@@ -19,6 +19,7 @@ from ..model.neighbors import Neighbor
 from ..observation.image_set import CameraImage, ImageSet
 from ..observation.keypoints.crop import Crop
 from ..parallel import Workers
+from .config import KEYPOINTS
 from .estimate import Status, TrackEstimate
 from .modality import PeopleSeen
 from .tracker import Tracker
@@ -86,7 +87,7 @@ class Bodies:
             tracker.take_over(other.trackers[name], image_set)
 
     def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]:
-        """Where a detector of people should look for the bodies.
+        """Where a detector of people should look for those of the bodies that go by points; there is one at least.
 
         Parameters
         ----------
@@ -96,7 +97,7 @@ class Bodies:
         -------
         By camera; none, for the whole image, while one of the bodies is not known.
         """
-        trackers = self.trackers.values()
+        trackers = [tracker for tracker in self.trackers.values() if KEYPOINTS in tracker.config.modalities]
         crops = [tracker.expected_crops(stamp_ns) for tracker in trackers]
         if any(tracker.expected(stamp_ns) is None for tracker in trackers):
             return [()] * len(crops[0])
