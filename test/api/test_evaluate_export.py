@@ -61,8 +61,8 @@ def test_files_are_those_of_the_command_line(person, tmp_path, capsys, name, arg
 
 def test_csv_is_a_folder_of_tables(person, tmp_path):
     (note,) = export(person, tmp_path / "tables", "csv")
-    assert note == "tables: landmarks.csv, coordinates.csv"
-    assert {path.name for path in (tmp_path / "tables").iterdir()} == {"landmarks.csv", "coordinates.csv"}
+    assert note == "tables: landmarks.csv, center_of_mass.csv, coordinates.csv"
+    assert {path.name for path in (tmp_path / "tables").iterdir()} == {"landmarks.csv", "center_of_mass.csv", "coordinates.csv"}
 
 
 def test_nothing_is_overwritten_unless_asked(person, tmp_path):

@@ -24,6 +24,7 @@ from .export import AT_CONSTANT_RATE, ExportOptions
 from .export import FORMATS as WRITERS
 from .isb_angles import isb_angles
 from .kinematics import SHORTEST, StateKinematics, derivatives, state_kinematics
+from .mass_center import mass_center
 
 FORMATS = ("trc", "mot", "sto", "c3d", "bvh", "tum", "csv")
 WHERE = "export"  # what a `FileFormatError` of these options names as the file
@@ -210,6 +211,7 @@ _DERIVATIVES = ("velocities", "accelerations")
 TABLES = (  # every name that a table can have
     "landmarks", *(f"landmark_{name}" for name in _DERIVATIVES), "coordinates", *(f"state_{name}" for name in _DERIVATIVES),
     "isb_angles", *(f"isb_angle_{name}" for name in _DERIVATIVES),
+    "center_of_mass", *(f"center_of_mass_{name}" for name in _DERIVATIVES),
 )  # fmt: skip
 
 
@@ -255,7 +257,7 @@ def _write_table(motion: RunMotion, table: MotionTable, path: Path) -> None:
 
 
 def tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinematics | None = None) -> list[MotionTable]:
-    """Landmarks, coordinates, and on request angles after the ISB, with their derivatives.
+    """Landmarks, a person's center of mass, coordinates, and on request angles after the ISB, with their derivatives.
 
     Velocities of the state are those of its tangent: angular velocity of the root about the file's axes.
 
@@ -278,6 +280,12 @@ def _tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinemati
     names = [f"{label}_{axis}" for label in options.labels(motion.model) for axis in "xyz"]
     valid = np.repeat(motion.landmarks_valid()[:, options.columns(motion.model)], 3, axis=1)
     yield from _with_derivatives(motion, "landmark", "landmarks", names, [options.unit] * len(names), points, valid, kinematics)
+    center = mass_center(motion.model.landmark_names, motion.landmarks_m() @ options.axes.T)
+    if center is not None:
+        known = np.repeat(np.asarray(motion.landmarks_valid().all(axis=1))[:, None], 3, axis=1)
+        yield from _with_derivatives(
+            motion, "center_of_mass", "center_of_mass", list("xyz"), [options.unit] * 3, length * center, known, kinematics
+        )
     found = opensim_coordinates(motion) if options.opensim else model_coordinates(motion, options.y_up)
     scale = {"m": (options.unit, length), "rad": (options.angle_unit, angle)}
     columns = tuple(f"{name}_{scale[unit][0]}" for name, unit in zip(found.names, found.units, strict=True))

@@ -15,6 +15,7 @@ from ...report.html import render_html
 from ...report.metrics_file import made_by, today, write_metrics
 from ...report.pdf import write_pdf
 from ..masks.silhouettes import Picture, contact_sheet
+from ..motion.mass_center import mass_center
 from ..review import Review
 from ..state_errors import ROWS
 from . import charts, summary, tables
@@ -244,6 +245,10 @@ def _landmark_curves(review: Review, color: str) -> Iterator[Curve]:
             lines.append(Line(review.name, *review.over_time(1e3 * points[:, m, axis]), color))
             panels.append(("xyz"[axis], lines))
         yield Curve("landmarks", name.replace("_", " "), "mm", panels)
+    center = mass_center(names, points)
+    if center is not None:
+        of_axes = ([Line(review.name, *review.over_time(1e3 * center[:, axis]), color)] for axis in range(3))
+        yield Curve("landmarks", "center of mass", "mm", list(zip("xyz", of_axes, strict=True)))
 
 
 _KINDS = (
