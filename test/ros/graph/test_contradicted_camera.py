@@ -38,7 +38,7 @@ def test_a_turned_camera_is_named_within_five_seconds_and_no_other(probe, launch
     write_rig_file(rig_file_of(replace(rig, cameras=tuple(cameras))), file)
     states = probe.listen(TrackedState, "tracker/state")
     files = ["--rig", file, "--model", moving_arm / "model.yaml", "--initial-state", moving_arm / "state.yaml"]
-    tracker = launch("tracker", *files, "--lossless", "--wait-for", "state=1")
+    tracker = launch("tracker", *files, "--lossless", "--wait-for", "state=2")  # us, and the cameras
     consumed = ("--as-fast-as-consumed", "--wait-for-subscribers", "1")
     launch("camera_ingest", "--rig", moving_arm / "rig.yaml", "--rate", str(RATE_HZ), *consumed)
     about_it = f"tracker: {turned} against the others"
