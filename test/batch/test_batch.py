@@ -120,7 +120,7 @@ def test_a_trial_that_fails_stops_nothing(trials_file, tmp_path, capsys):
 
 def test_what_a_trial_is_compared_with_is_checked_before_it_is_tracked(trials_file, tmp_path, monkeypatch):
     trials_file.write_text(trials_file.read_text() + "  goals: {evaluate: {targets: [mpjpe_mm]}}\n")
-    monkeypatch.setattr("tracker_node.batch.work.run_offline", lambda *_: pytest.fail("it was tracked"))
+    monkeypatch.setattr("tracker_node.batch.work.run_together", lambda *_: pytest.fail("it was tracked"))
     job = next(trial for trial in load_trials(trials_file).trials if trial.name == "goals")
     (tmp_path / "out/.batch").mkdir(parents=True)
     (tmp_path / "out/.batch/token").write_text("t")

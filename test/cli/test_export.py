@@ -141,10 +141,10 @@ def test_nothing_is_overwritten_unless_asked(run, tmp_path, capsys):
 def test_tables_of_an_earlier_export_do_not_stay_beside_the_new_ones(run, tmp_path):
     folder = tmp_path / "tables"
     assert main(["export", str(run), "--to", "csv", "--isb-angles", "--filter", "6", "-o", str(folder)]) == 0
-    assert len(list(folder.iterdir())) == 9
+    assert len(list(folder.iterdir())) == 12
     (folder / "notes.csv").write_text("mine")
     assert main(["export", str(run), "--to", "csv", "--force", "-o", str(folder)]) == 0
-    assert {path.name for path in folder.iterdir()} == {"landmarks.csv", "coordinates.csv", "notes.csv"}
+    assert {path.name for path in folder.iterdir()} == {"landmarks.csv", "center_of_mass.csv", "coordinates.csv", "notes.csv"}
 
 
 def test_another_model_than_the_runs_is_refused(run, tmp_path, capsys):

@@ -76,8 +76,8 @@ def two_arms(place: Place) -> None:
 def two_bodies(place: Place) -> None:
     """One body seen twice: whoever is second hides nothing of the first, and begins where it is."""
     two_arms(place)
-    bodies = [f"  {name}: {{model: {name}.yaml, initial_state: start.yaml}}" for name in ("anna", "bert")]
-    (place.folder / "recording.yaml").write_text("\n".join(["rig: rig.yaml", "output: described", "bodies:", *bodies]) + "\n")
+    bodies = [f"  {name}: {{model: bert.yaml, initial_state: start.yaml}}" for name in ("anna", "ball")]
+    (place.folder / "recording.yaml").write_text("\n".join(["rig: rig.yaml", "output: run1", "bodies:", *bodies]) + "\n")
 
 
 def trials(place: Place) -> None:
