@@ -87,6 +87,8 @@ class Occluders:
         own : where this body is expected; None: it is not known.
         """
 
+        if not neighbors and not self.others:
+            return
         self.others = neighbors
 
         def show(i: int) -> None:
