@@ -116,6 +116,18 @@ def test_an_interruption_that_compiling_swallows_ends_it_all_the_same(monkeypatc
     assert len(compiled) == 1 and signal.getsignal(signal.SIGINT) is before
 
 
+def test_what_compiling_stumbles_over_after_an_interruption_is_the_interruption(monkeypatch):
+    def stumbling(kernel):
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr(Kernel, "is_kept", lambda kernel: False)
+    monkeypatch.setattr(Kernel, "compile", stumbling)
+    with pytest.raises(KeyboardInterrupt):
+        compile_ahead(processes=1)
+
+
 def test_a_helper_that_is_interrupted_says_nothing(tmp_path):
     process = started(["-m", "tracker_node.compiled.ahead"], tmp_path)
     place = next(i for i, kernel in enumerate(listed()) if not kernel.after)

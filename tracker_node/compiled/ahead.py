@@ -197,23 +197,29 @@ class _Work:
 
 
 @contextmanager
-def _interruptible(work: _Work) -> Iterator[None]:
-    """An interruption ends ``work`` even where compiling has swallowed it, as callbacks from C do."""
+def _interruptible(end: Callable[[], None]) -> Iterator[None]:
+    """An interruption calls ``end`` and ends the block even where compiling has swallowed it, as callbacks from C do.
+
+    What compiling then stumbles over is the interruption's, not an error of its own.
+    """
     interrupted = False
 
-    def end(number: int, frame: FrameType | None) -> None:
+    def handle(number: int, frame: FrameType | None) -> None:
         nonlocal interrupted
         interrupted = True
-        work.end()
+        end()
         signal.default_int_handler(number, frame)
 
     in_main = threading.current_thread() is threading.main_thread()
     if not in_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGINT, handle)
     try:
         yield
+    except Exception:
+        if not interrupted:
+            raise
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if interrupted:
@@ -225,7 +231,7 @@ def _together(work: _Work, processes: int) -> None:
     for helper in helpers:
         helper.start()
     try:
-        with _interruptible(work):
+        with _interruptible(work.end):
             for i in work:
                 listed()[i].compile()
     finally:  # also when interrupted
@@ -252,7 +258,7 @@ def _by_helper(work: _Work) -> None:
 
 def main() -> int:
     """Compile the functions whose places in the list come by standard input; each is answered by its place."""
-    with suppress(KeyboardInterrupt):  # who asks is interrupted as well
+    with suppress(KeyboardInterrupt), _interruptible(lambda: None):  # who asks is interrupted as well
         for line in sys.stdin:
             listed()[int(line)].compile()
             print(line.strip(), flush=True)
