@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Any
 
@@ -69,7 +69,10 @@ class Workers:
                 results[i] = function(items[i])
 
         others = [self._executor.submit(work, start) for start in range(1, n)]
-        work(0)
+        try:
+            work(0)
+        finally:  # also after an error nobody is at work any more
+            wait(others)
         for other in others:
             other.result()
         return results

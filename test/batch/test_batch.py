@@ -57,7 +57,7 @@ def test_a_trial_of_several_bodies(tmp_path):
     text = "output: out\ncommon: {rig: two/rig.yaml, images: {rate_hz: 30}}\ntrials:\n  pair: {bodies: BODIES}\n"
     file.write_text(text.replace("BODIES", bodies))
     (outcome,) = run_batch(load_trials(file), BatchOptions(1))
-    assert outcome.state == TRACKED and outcome.image_sets == 6 and outcome.status_counts["INITIALIZING"] == 3
+    assert outcome.state == TRACKED and outcome.image_sets == 3 and outcome.status_counts["INITIALIZING"] == 3
     assert any("gone was not found in 3 image sets" in problem for problem in outcome.problems)
     assert outcome.metrics["one.residual_px"] < 2.0 and not any(key.startswith("gone") for key in outcome.metrics)
     assert set(outcome.ranges) and all(name.startswith("one.") for name in outcome.ranges)

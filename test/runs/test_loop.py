@@ -60,12 +60,12 @@ def test_a_request_is_told_at_once_and_again_after_a_reset_until_it_is_followed(
     loop.step(*at(20))
     request = begin_at_start()
     loop.begin(request)
-    assert loop.tracker.told == [LAST] and loop.request is request and loop.tracked is not None
+    assert loop.tracker.told == [LAST] and loop.requests == {"": request} and loop.tracked is not None
     with pytest.raises(RuntimeError):
         loop.step(*at(10))
-    assert loop.tracker.told == [LAST, "reset", LAST] and loop.request is request
+    assert loop.tracker.told == [LAST, "reset", LAST] and loop.requests == {"": request}
     loop.step(*at(11))
-    assert loop.request is None
+    assert loop.requests == {}
     loop.step(*at(5))
     assert loop.tracker.told == [LAST, "reset", LAST, "reset"]
 

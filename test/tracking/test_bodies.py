@@ -10,7 +10,7 @@ from helpers.bodies.detected_people import image_set as with_points
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.cameras.two_people import MODELS, N_SETS, SCENE, image_set, mean_error_m, states
 from tracker_node.model.configuration import Configuration
-from tracker_node.runs.loop import TrackingLoop
+from tracker_node.runs.loop import StartRequest, TrackingLoop
 from tracker_node.tracking.bodies import Bodies, shared_threads
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import Status
@@ -57,7 +57,7 @@ def test_each_knows_where_the_other_is_expected(sets):
     bodies = Bodies(trackers())
     for one in sets[:2]:
         step(bodies, one)
-    given = bodies._sets_of(sets[2])
+    given = bodies.image_sets(sets[2])
     for name, other in (("one", "other"), ("other", "one")):
         (neighbor,) = given[name].neighbors
         true = Configuration(MODELS[other], states(2)[other])
@@ -67,7 +67,7 @@ def test_each_knows_where_the_other_is_expected(sets):
 
 def test_one_body_alone_sees_its_images_as_they_are(sets):
     each = {"one": trackers()["one"]}
-    assert Bodies(each)._sets_of(sets[0])["one"] is sets[0]
+    assert Bodies(each).image_sets(sets[0])["one"] is sets[0]
 
 
 def test_bodies_at_once_are_what_they_are_one_after_the_other(sets):
@@ -166,26 +166,114 @@ def test_other_parameters_take_everybody_over(sets):
         assert mean_error_m(name, estimate.state, 3) < 0.02
 
 
+def test_other_parameters_twice_before_an_image_set_and_after_a_pause_without_lenses(sets):
+    loop = TrackingLoop(Bodies(trackers()))
+    for one in sets[:3]:
+        loop.step(one)
+    for new in (Bodies(trackers()), Bodies(trackers()), None, Bodies(trackers())):
+        loop.exchange(new)
+    assert set(loop.estimates) == set(MODELS)  # where everybody was is known all the time
+    loop.step(sets[3])
+    for name, estimate in loop.estimates.items():
+        assert mean_error_m(name, estimate.state, 3) < 0.02
+
+
+def test_each_body_is_asked_by_itself_and_the_others_go_on(sets):
+    loop = TrackingLoop(Bodies(trackers()))
+    for one in sets[:3]:
+        loop.step(one)
+    raised = {name: states(3)[name].retract(np.eye(1, MODELS[name].n_dof, 2)[0]) for name in MODELS}
+    for name in MODELS:
+        loop.begin(StartRequest(lambda tracker, name=name: tracker.set_state(raised[name]), raised[name], body=name))
+    assert set(loop.requests) == set(MODELS)
+    loop.begin(StartRequest(lambda tracker: tracker.set_state(states(3)["one"]), body="one"))
+    new = Bodies(trackers())
+    loop.exchange(new)
+    asked = new.trackers["other"].expected(sets[3].stamp_ns).to_values()
+    np.testing.assert_allclose(asked, raised["other"].to_values(), atol=1e-12)
+    assert mean_error_m("one", new.trackers["one"].expected(sets[3].stamp_ns), 3) < 1e-9
+    loop.begin(StartRequest(lambda tracker: tracker.reinitialize()))
+    assert list(loop.requests) == [""] and new.trackers["other"].expected(sets[3].stamp_ns) is None
+
+
+def test_other_parameters_do_not_teach_a_body_the_colors_of_who_stands_before_it(sets):
+    """In the middle of the clip they cover each other."""
+    middle = N_SETS // 2
+    learned = {}
+    for shown in (True, False):
+        old = Bodies(trackers())
+        for one in sets[:middle]:
+            step(old, one)
+        learned[shown] = []
+        for name, new in trackers().items():
+            given = old.image_sets(sets[middle - 1])[name] if shown else sets[middle - 1]
+            new.take_over(old.trackers[name], given)
+            learned[shown] += [each for each in new.as_neighbor(sets[middle].stamp_ns).colors if each is not None]
+    off = [0.5 * np.abs(a - b).sum(axis=1).max() for a, b in zip(learned[True], learned[False], strict=True)]
+    assert max(off) > 0.05
+    loop = TrackingLoop(Bodies(trackers()))
+    for one in sets[:middle]:
+        loop.step(one)
+    new = Bodies(trackers())
+    loop.exchange(new)
+    found = [each for name in new.trackers for each in new.trackers[name].as_neighbor(sets[middle].stamp_ns).colors]
+    for a, b in zip(found, learned[True], strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
 def test_things_beside_people_are_not_looked_for_by_the_detector_of_people(sets):
     """Nor do they keep it from looking where people are."""
     person, thing = trackers(modalities=("region", "keypoints"))["one"], trackers()["other"]
     bodies = Bodies({"thing": thing, "one": person})
     thing.reinitialize()
     assert bodies.expected_crops(0) == person.expected_crops(0) != [()] * len(SCENE.rig)
-    given = bodies._sets_of(sets[0])
+    given = bodies.image_sets(sets[0])
     assert len(given["thing"].neighbors) == 1 and not given["one"].neighbors
+
+
+def with_late_points(now, late):
+    """An image set with the points of an earlier one."""
+    pairs = zip(now.images, late.images, strict=True)
+    return replace(now, images=tuple(replace(a, people=b.people, people_stamp_ns=b.stamp_ns) for a, b in pairs))
 
 
 def test_late_points_are_each_ones_too():
     """Of two image sets before, as a live graph has them."""
     bodies, period = Bodies(by_points(one=(0.9, 0.3, 1.0))), range(40)
     for i in period:
-        late, now = points_of(max(i - 2, 0)), points_of(i, ())
-        pairs = zip(now.images, late.images, strict=True)
-        images = tuple(replace(new, people=old.people, people_stamp_ns=old.stamp_ns) for new, old in pairs)
-        step(bodies, replace(now, images=images))
+        step(bodies, with_late_points(points_of(i, ()), points_of(max(i - 2, 0))))
     for name, estimate in bodies.estimates.items():
         assert estimate.status is not Status.LOST and off_m(estimate.state, walking(name, period[-1])).mean() < 0.15
+
+
+def test_late_points_make_no_difference_of_threads(sets):
+    """Bodies learn within an estimate then, while others draw them."""
+    both = [Bodies(trackers(modalities=("region", "keypoints")), n) for n in (1, 2)]
+    for i, one in enumerate(sets[10:18]):
+        late = sets[10 + max(i - 2, 0)]
+        of_each = [seen_by(SCENE.rig, states(10 + max(i - 2, 0))[name], np.random.default_rng(i), 1.0) for name in MODELS]
+        people = [replace(image, people=found) for image, found in zip(late.images, zip(*of_each, strict=True), strict=True)]
+        found = [step(bodies, with_late_points(one, replace(late, images=tuple(people)))) for bodies in both]
+        for name in MODELS:
+            values = [each[name].state.to_values() for each in found]
+            np.testing.assert_array_equal(*values)
+
+
+def test_late_points_go_to_who_was_there_then():
+    """One a step behind the other: by where they are now each would have the points of both in a third of the cameras."""
+    bodies = Bodies(by_points())
+    for i in range(4):
+        step(bodies, one_behind_the_other(i))
+    now, late = one_behind_the_other(8), one_behind_the_other(3)
+    given = bodies.image_sets(with_late_points(now, late))
+    assert [[len(image.people) for image in given[name].images] for name in given] == [[1] * len(RIG)] * 2
+
+
+def one_behind_the_other(i):
+    """At 2 meters a second."""
+    rng, along = np.random.default_rng(i), 0.067 * i - 0.5
+    persons = [seen_by(RIG, standing(along - back, 0.0, 0.0), rng, 1.0) for back in (0.0, 0.45)]
+    return with_points(RIG, list(zip(*persons, strict=True)), i * PERIOD_NS, BLANK)
 
 
 def test_threads_go_to_bodies_first():

@@ -142,7 +142,7 @@ def _trial_table(outcomes: Sequence[Outcome]) -> Table:
     rows: list[list[Value]] = []
     for outcome in outcomes:
         failed = outcome.state == FAILED_STATE
-        tracking = 100.0 * outcome.status_counts.get("TRACKING", 0) / outcome.image_sets if outcome.image_sets else None
+        tracking = 100.0 * outcome.status_counts.get("TRACKING", 0) / n if (n := sum(outcome.status_counts.values())) else None
         row: list[Value] = [Cell(outcome.name, "bad" if failed else "good"), outcome.subject]
         row += [outcome.image_sets or None, tracking, *(_number(outcome.metrics.get(key)) for _, key, _ in shown)]
         rows.append([*row, outcome.wall_s, Cell("failed" if failed else f"{outcome.name}/", "code")])

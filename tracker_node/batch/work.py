@@ -219,7 +219,8 @@ def _tracked(job: Job, draft: Path) -> Outcome:
         ranges |= {of + name: ends for name, ends in _ranges(found).items()}
         problems += [f"{body}: {sentence}" if body else sentence for sentence in found.problems]
     return Outcome(
-        job.name, job.subject, TRACKED, problems=tuple(dict.fromkeys(problems)), image_sets=sum(counts.values()),
+        job.name, job.subject, TRACKED, problems=tuple(dict.fromkeys(problems)),
+        image_sets=max(summary["image_sets"] for summary in summaries.values()),
         status_counts=dict(counts), metrics=metrics, ranges=ranges,
     )  # fmt: skip
 

@@ -195,7 +195,7 @@ class RecordingFile(FileModel):
 
     @model_validator(mode="after")
     def _ends(self) -> RecordingFile:
-        if self.loop and self.evaluate is not None:
+        if self.loop and any(entry is not None for entry in (self.evaluate, *(body.evaluate for body in self.bodies.values()))):
             raise problem("no loop where the run is evaluated when it is over", self.loop, "loop")
         return self
 

@@ -149,12 +149,15 @@ class Pipeline:
     def __init__(self, options: PipelineOptions, node: GuardedNode, stop: threading.Event):
         self._options, self._node, self._stop = options, node, stop
         self._children: dict[str, Child] = {}
-        self.progress = Progress()
+        self.progress = {name: Progress() for name in options.bodies or ("",)}
         self._shown_s = 0.0
         self.interrupted = False
         self._recorder_ready, self._detector_ready = threading.Event(), threading.Event()
         self._last = f"tracker/{options.prefixes[-1]}"
-        self._subscription = node.create_subscription(TrackedState, f"{self._last}state", self.progress.add, RESULT)
+        self._subscriptions = [
+            node.create_subscription(TrackedState, f"tracker/{of}state", progress.add, RESULT)
+            for of, progress in zip(options.prefixes, self.progress.values(), strict=True)
+        ]
 
     def run(self) -> int:
         """Until the sources have ended, or something or somebody ends it; returns the exit status."""
@@ -175,8 +178,8 @@ class Pipeline:
                 return False
         *others, last = options.prefixes
         listeners = [f"{last}state={_N_LISTENERS - (not options.lossless) + (options.bag is not None)}"]
+        listeners += [f"{of}state={1 + (options.bag is not None)}" for of in others]
         if options.bag is not None:
-            listeners += [f"{of}state=1" for of in others]
             listeners += [f"{of}{name}=1" for of in options.prefixes for name in options.recorded_names() if name != "state"]
         lossless = ["--lossless"] if options.lossless else []
         tracker = ["tracker", *options.body, *lossless, "--end-on-failure", "--wait-for", *listeners]
@@ -184,7 +187,7 @@ class Pipeline:
         if options.detector is not None:
             arguments = ["keypoints", *options.detector, *options.ros_args]
             self._children["keypoints"] = Child(arguments, self._on_detector_line)
-        if not self._wait_for("the tracker", lambda: self._subscription.get_publisher_count() > 0):
+        if not self._wait_for("the tracker", self._tracker_is_there):
             return False
         if options.detector is not None and not self._wait_for("the detector of people", self._detector_ready.is_set):
             return False
@@ -198,6 +201,9 @@ class Pipeline:
             [*arguments, *options.ros_args], lambda line: None, environment=sources_for_child(options.sources)
         )
         return True
+
+    def _tracker_is_there(self) -> bool:
+        return all(subscription.get_publisher_count() > 0 for subscription in self._subscriptions)
 
     def _resolved(self, topic: str) -> str:
         name, colon, type_name = topic.partition(":")
@@ -239,11 +245,12 @@ class Pipeline:
 
     def _show(self, last: bool = False) -> None:
         now, terminal = time.monotonic(), sys.stderr.isatty()
-        if not self.progress.sets or (not last and now - self._shown_s < (0.2 if terminal else 5.0)):
+        progress = list(self.progress.values())[-1]
+        if not progress.sets or (not last and now - self._shown_s < (0.2 if terminal else 5.0)):
             return
         self._shown_s = now
         end = "\r" if terminal and not last else "\n"
-        print(f"pipeline: {self.progress.line(self._options.n_expected):<75}", end=end, file=sys.stderr, flush=True)
+        print(f"pipeline: {progress.line(self._options.n_expected):<75}", end=end, file=sys.stderr, flush=True)
 
     @staticmethod
     def _say(text: str) -> None:
@@ -298,8 +305,8 @@ class Pipeline:
         spin(self._node, threading.Event(), over)
 
 
-def run_pipeline(options: PipelineOptions) -> tuple[int, Progress, bool]:
-    """Run it to its end; returns the exit status, what the states have said, and whether somebody has ended it."""
+def run_pipeline(options: PipelineOptions) -> tuple[int, dict[str, Progress], bool]:
+    """Run it to its end; returns the exit status, what the states of each body have said, and whether somebody has ended it."""
     if options.folder is not None:
         write_summary(options.folder, options.summary)  # now, for a run that is killed
     with ros_process(options.ros_args, forced=False) as stop:
@@ -310,5 +317,7 @@ def run_pipeline(options: PipelineOptions) -> tuple[int, Progress, bool]:
         finally:
             node.destroy_node()
     if options.folder is not None:
-        write_summary(options.folder, {**counted_sets(pipeline.progress.statuses), **options.summary})
+        counted = {name: counted_sets(progress.statuses) for name, progress in pipeline.progress.items()}
+        summary = {**list(counted.values())[-1], **options.summary}
+        write_summary(options.folder, summary | ({"bodies": counted} if options.bodies else {}))
     return status, pipeline.progress, pipeline.interrupted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -23,6 +23,11 @@ class Steppable(Protocol):
     def reset(self) -> None: ...
     def set_state(self, state: State) -> None: ...
     def reinitialize(self, near: np.ndarray | None = None) -> None: ...
+
+
+class OfOneBody(Steppable, Protocol):
+    """The same of one body, which another tracker may have followed before."""
+
     def take_over(self, other: Any, image_set: ImageSet) -> None:
         """Go on with the body as another tracker has left it.
 
@@ -41,8 +46,8 @@ Prepare = Callable[[Any, ImageSet], ImageSet]
 class StartRequest:
     """How the tracker is to begin with the next image set, and the state at which; None: not at a given one.
 
-    ``forgets_state``: where the body was does not matter any more; ``forgets_clock``: neither do the stamps. ``body``: of several
-    bodies, the one that is meant; "": all.
+    ``tell``: is called with the tracker. ``forgets_state``: where the body was does not matter any more; ``forgets_clock``:
+    neither do the stamps. ``body``: of several bodies, the one that is meant, whose tracker is told; "": all.
     """
 
     tell: Callable[[Steppable], None]
@@ -66,22 +71,17 @@ class TrackingLoop:
     ----------
     tracker : None while it cannot be made.
     tracked, tracked_set : the latest estimate of a tracker since it began; its image set, as it was tracked.
-    request : how the tracker was asked to begin; None once it has tracked an image set since.
+    estimates : the same by the name of the body; "" of one that is alone. Another tracker goes on there.
+    requests : how each body was asked to begin, "" all of them; none once an image set has been tracked since.
     """
 
     def __init__(self, tracker: Steppable | None = None, prepare: Prepare | None = None):
         self.tracker, self._prepare = tracker, prepare
         self.tracked: TrackEstimate | None = None
-        self.request: StartRequest | None = None
+        self.estimates: Mapping[str, TrackEstimate] = {}
+        self.requests: dict[str, StartRequest] = {}
         self.tracked_set: ImageSet | None = None
         self._last_ns: int | None = None
-
-    @property
-    def estimates(self) -> Mapping[str, TrackEstimate]:
-        """The latest since it began, by the name of the body; "" of one that is alone."""
-        if self.tracked is None:
-            return {}
-        return self.tracker.estimates if isinstance(self.tracker, Bodies) else {"": self.tracked}
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Track an image set; where its stamp goes back, the tracker begins anew. What it teaches is learned by `learn`.
@@ -94,15 +94,19 @@ class TrackingLoop:
             raise TrackerError("there is no tracker yet")
         if self._last_ns is not None and image_set.stamp_ns < self._last_ns:
             self.tracker.reset()  # a recording began again
-            self.tracked = self.tracked_set = None
-            if self.request is not None:
-                self.request.tell(self.tracker)
+            self._forget()
+            for request in self.requests.values():
+                request.tell(_of(self.tracker, request.body))
         self._last_ns = image_set.stamp_ns
         if self._prepare is not None:
             image_set = self._prepare(self.tracker, image_set)
         self.tracked, self.tracked_set = self.tracker.estimate(image_set), image_set
-        self.request = None
+        self.estimates = self.tracker.estimates if isinstance(self.tracker, Bodies) else {"": self.tracked}
+        self.requests = {}
         return self.tracked
+
+    def _forget(self) -> None:
+        self.tracked, self.tracked_set, self.estimates = None, None, {}
 
     def learn(self) -> None:
         """Learn from the latest image set, once its estimate has gone where it is waited for; else the next step does."""
@@ -112,38 +116,57 @@ class TrackingLoop:
     def begin(self, request: StartRequest) -> None:
         """The next image set is begun as requested, also if a reset or another tracker comes before it."""
         if request.forgets_state:
-            self.tracked = self.tracked_set = None
+            self._forget()
         if request.forgets_clock:
             self._last_ns = None
-        self.request = request
+        self.requests = {**self.requests, request.body: request} if request.body else {"": request}
         if self.tracker is not None:
-            request.tell(self.tracker)
+            request.tell(_of(self.tracker, request.body))
 
     def exchange(self, tracker: Steppable | None) -> None:
         """Another tracker, which begins as was requested, or where the old one has left the body."""
         old, self.tracker = self.tracker, tracker
         if tracker is None:
             return
-        if self.request is not None:
-            self.request.tell(tracker)
-        elif isinstance(tracker, Bodies) and isinstance(old, Bodies):
-            for name, estimate in old.estimates.items():
-                self._go_on(tracker.trackers[name], old.trackers[name], estimate)
-        elif self.tracked is not None:
-            self._go_on(tracker, old, self.tracked)
+        image_sets, before = self._sets_of(old), _by_body(old)
+        for name, own in _by_body(tracker).items():
+            request = self.requests.get(name, self.requests.get(""))
+            if request is not None:
+                request.tell(own)
+            elif name in self.estimates:
+                self._go_on(own, before.get(name), self.estimates[name], image_sets.get(name))
 
-    def _go_on(self, tracker: Steppable, old: Steppable | None, tracked: TrackEstimate) -> None:
+    def _sets_of(self, old: Steppable | None) -> Mapping[str, ImageSet]:
+        """The latest image set as each body has it: with the others in it."""
+        if self.tracked_set is None:
+            return {}
+        return old.image_sets(self.tracked_set) if isinstance(old, Bodies) else {"": self.tracked_set}
+
+    def _go_on(self, tracker: OfOneBody, old: OfOneBody | None, tracked: TrackEstimate, image_set: ImageSet | None) -> None:
         if tracked.status is Status.INITIALIZING:
             tracker.reinitialize()
-        elif not self._taken_over(tracker, old, tracked):
+        elif not self._taken_over(tracker, old, tracked, image_set):
             tracker.set_state(tracked.state)
 
-    def _taken_over(self, tracker: Steppable, old: Steppable | None, tracked: TrackEstimate) -> bool:
+    def _taken_over(
+        self, tracker: OfOneBody, old: OfOneBody | None, tracked: TrackEstimate, image_set: ImageSet | None
+    ) -> bool:
         """Whether a new tracker knows where the body is; else it looks around there, which takes a second."""
-        if old is None or self.tracked_set is None or tracked.status is Status.LOST:
+        if old is None or image_set is None or tracked.status is Status.LOST:
             return False
         try:
-            tracker.take_over(old, self.tracked_set)
+            tracker.take_over(old, image_set)
         except TrackerError:  # the images are of another size than its cameras
             return False
         return True
+
+
+def _by_body(tracker: Steppable | None) -> Mapping[str, OfOneBody]:
+    if tracker is None:
+        return {}
+    return tracker.trackers if isinstance(tracker, Bodies) else {"": cast(OfOneBody, tracker)}
+
+
+def _of(tracker: Steppable, body: str) -> Steppable:
+    """The tracker of one of several bodies; of all without a name."""
+    return _by_body(tracker)[body] if body else tracker

@@ -190,11 +190,12 @@ def run_together(
     TrackerError : nothing can be tracked at all.
     """
     run = next(iter(runs.values()))
+    _check_together(runs)
     using = next((each for each in runs.values() if KEYPOINTS in each.config.modalities), run)
     with ExitStack() as stack:
         stack.enter_context(short_switches())
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
-        rig, stream = _stream_of(run, reader)
+        rig, stream = _stream_of(run, reader, KEYPOINTS in using.config.modalities)
         recorded = _recorded_of(using, rig, stream)
         for sentence in (*stream.errors, *stream.notes):
             tell(sentence)
@@ -222,6 +223,16 @@ def run_together(
         finally:
             summaries = {name: body.ended(stream, detection, list(runs)) for name, body in bodies.items()}
     return summaries
+
+
+def _check_together(runs: Mapping[str, OfflineRun]) -> None:
+    """What several bodies have in common, and what only one that is alone can have."""
+    first = next(iter(runs))
+    for name, run in runs.items():
+        if run.config.synchronizer != runs[first].config.synchronizer:
+            raise TrackerError(f"bodies: expected the same synchronizer.* for all, got others for {name} than for {first}")
+        if run.joint_states is not None and len(runs) > 1:
+            raise TrackerError(f"bodies: expected no joint states beside several bodies, got some for {name}")
 
 
 class _Followed:
@@ -265,15 +276,15 @@ class _Followed:
         return summary
 
 
-def _stream_of(run: OfflineRun, reader: BagReader | None) -> tuple[CameraRig, ImageSetStream]:
-    """The rig for the images, and the image sets."""
+def _stream_of(run: OfflineRun, reader: BagReader | None, with_points: bool) -> tuple[CameraRig, ImageSetStream]:
+    """The rig for the images, and the image sets, of a bag with the points that it holds."""
     if reader is None:
         stream = SourceStream(run.rig, run.config.synchronizer, run.images)
         return resampled_rig(run.rig, run.images), stream
     if run.from_run:
         return run_stream(run.rig, reader, run_info(reader.path), run.images)
     rig = rig_of_bag(run.rig, reader)
-    return rig, BagStream(rig, run.config.synchronizer, reader, with_points=KEYPOINTS in run.config.modalities)
+    return rig, BagStream(rig, run.config.synchronizer, reader, with_points=with_points)
 
 
 def _joint_states_of(run: OfflineRun) -> JointStates | None:

@@ -7,6 +7,7 @@ is at most one body in each camera; of people who hold each other only outlines 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, product
@@ -21,6 +22,7 @@ from ..observation.keypoints.crop import Crop
 from ..parallel import Workers
 from .config import KEYPOINTS
 from .estimate import Status, TrackEstimate
+from .keypoints.late import MOST_LATE_S
 from .modality import PeopleSeen
 from .tracker import Tracker
 
@@ -47,14 +49,16 @@ class Bodies:
 
     def __init__(self, trackers: Mapping[str, Tracker], at_once: int = 1):
         self.trackers, self.estimates = dict(trackers), dict[str, TrackEstimate]()
+        self._past = deque[tuple[int, dict[str, State]]]()  # stamp and states of the image sets that late points may be of
         self._workers = Workers(at_once)
 
     def estimate(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate all states for one image set; returned is that of whoever is worst off, all are in ``estimates``."""
         self.learn()  # what others look like is as of the set before, whenever somebody has asked for that
-        sets, names = self._sets_of(image_set), list(self.trackers)
+        sets, names = self.image_sets(image_set), list(self.trackers)
         estimates = self._workers.map(lambda name: self.trackers[name].estimate(sets[name]), names)
         self.estimates = dict(zip(names, estimates, strict=True))
+        self._remember(image_set.stamp_ns)
         return max(self.estimates.values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status))
 
     def learn(self) -> None:
@@ -63,6 +67,7 @@ class Bodies:
 
     def reset(self) -> None:
         """See `Tracker.reset`."""
+        self._past.clear()
         for tracker in self.trackers.values():
             tracker.reset()
 
@@ -75,16 +80,6 @@ class Bodies:
         """See `Tracker.reinitialize`; all of them."""
         for tracker in self.trackers.values():
             tracker.reinitialize(near)
-
-    def take_over(self, other: Bodies, image_set: ImageSet) -> None:
-        """See `Tracker.take_over`; each body from its tracker before.
-
-        Parameters
-        ----------
-        other, image_set : those that have tracked until now; their latest image set.
-        """
-        for name, tracker in self.trackers.items():
-            tracker.take_over(other.trackers[name], image_set)
 
     def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]:
         """Where a detector of people should look for those of the bodies that go by points; there is one at least.
@@ -103,7 +98,7 @@ class Bodies:
             return [()] * len(crops[0])
         return [tuple(crop for each in of_camera for crop in each) for of_camera in zip(*crops, strict=True)]
 
-    def _sets_of(self, image_set: ImageSet) -> dict[str, ImageSet]:
+    def image_sets(self, image_set: ImageSet) -> dict[str, ImageSet]:
         """The image set as each tracker is to take it: with the others as neighbors, and without the people who are others."""
         if len(self.trackers) == 1:
             return dict.fromkeys(self.trackers, image_set)
@@ -117,7 +112,10 @@ class Bodies:
     def _people_of_each(self, image_set: ImageSet) -> dict[str, tuple[CameraImage, ...]]:
         """By body, the images without those people who are other bodies."""
         seen = {name: tracker.people_of(image_set) for name, tracker in self.trackers.items()}
-        expected = {name: tracker.expected(image_set.stamp_ns) for name, tracker in self.trackers.items() if seen[name]}
+        past = self._states_at(_people_stamp_ns(image_set))
+        expected = {
+            name: past.get(name, tracker.expected(image_set.stamp_ns)) for name, tracker in self.trackers.items() if seen[name]
+        }
         in_touch = self._in_touch({name: state for name, state in expected.items() if state is not None})
         owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
         unknown = [name for name, state in expected.items() if state is None]
@@ -130,6 +128,17 @@ class Bodies:
             name: tuple(_left(image, cameras, owners, name, name in in_touch) for image in image_set.images)
             for name in self.trackers
         }
+
+    def _remember(self, stamp_ns: int) -> None:
+        self._past.append((stamp_ns, {name: each.state for name, each in self.estimates.items() if each.status.known}))
+        while stamp_ns - self._past[0][0] > 1e9 * MOST_LATE_S:
+            self._past.popleft()
+
+    def _states_at(self, stamp_ns: int | None) -> Mapping[str, State]:
+        """Of those who were known in an image set that has been tracked; nobody's where it is too long ago."""
+        if stamp_ns is None or not self._past or stamp_ns < self._past[0][0]:
+            return {}
+        return min(self._past, key=lambda past: abs(past[0] - stamp_ns))[1]
 
     def _in_touch(self, expected: Mapping[str, State]) -> set[str]:
         """People who are so near to each other that points say little of them, and whom outlines hold."""
@@ -182,9 +191,15 @@ def _left(
     if not image.people or not owners:
         return image
     if in_touch:
-        return replace(image, people=())
+        return replace(image, people=() if image.people_stamp_ns is None else None, people_stamp_ns=None)
     owned = owners[cameras.index(image.camera)]
     return replace(image, people=tuple(person for k, person in enumerate(image.people) if owned.get(k, name) == name))
+
+
+def _people_stamp_ns(image_set: ImageSet) -> int | None:
+    """Of the image set that late points are of, by its own clock; None where none are late."""
+    delays = [image.stamp_ns - image.people_stamp_ns for image in image_set.images if image.people_stamp_ns is not None]
+    return image_set.stamp_ns - int(np.median(delays)) if delays else None
 
 
 def _without(seen: PeopleSeen, owners: Sequence[dict[int, str]], name: str) -> PeopleSeen:

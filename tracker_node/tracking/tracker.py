@@ -219,6 +219,7 @@ class Tracker:
         images, track, self._near = self._images(image_set), other._track, other._near
         assert track.start is not None
         self._restart(track.start)
+        self._show(image_set, track.start)
         self._track.engine.begin(images, track.start, known=True)
         self._track.motion.take_over(track.motion)
         turned = track.turned and self._turned_otherwise(np.inf)  # by other modalities its turns may be told
@@ -302,7 +303,9 @@ class Tracker:
 
     def _as_neighbor(self, expected: State) -> Neighbor:
         unknown = np.zeros(len(self.model.shapes), np.int32), [None] * len(self.rig)
-        return Neighbor(configured(self.model, expected), *(self._track.engine.colors or unknown))
+        classes, colors = self._track.engine.colors or unknown
+        # Copies: this tracker may learn on its thread while another draws the body.
+        return Neighbor(configured(self.model, expected), classes, [None if each is None else each.copy() for each in colors])
 
     def people_of(self, image_set: ImageSet) -> PeopleSeen:
         """Whom a detector has found, as the body's modalities take them, late or not; empty where they take none."""

@@ -1,6 +1,7 @@
 """A tracker that a test can hold and break."""
 
 import threading
+import time
 from dataclasses import replace
 
 from helpers.ros.samples import some_estimate, tracked_arm
@@ -12,7 +13,7 @@ class HeldTracker:
 
     def __init__(self):
         self.go, self.stepping, self.failing = threading.Event(), threading.Event(), set()
-        self.status, self.total_ms = Status.DEGRADED, 4.0
+        self.status, self.total_ms = Status.DEGRADED, 0.0  # that an image set takes
         self.learned, self.breaks_learning = 0, False
         self.told = []  # states, "reset" and "look anew"
 
@@ -21,6 +22,7 @@ class HeldTracker:
         assert self.go.wait(30.0)
         if image_set.stamp_ns in self.failing:
             raise RuntimeError("no good")
+        time.sleep(1e-3 * self.total_ms)
         timings = Timings(0.0, 0.0, self.total_ms)
         return replace(some_estimate(tracked_arm(), image_set.stamp_ns), status=self.status, timings=timings)
 

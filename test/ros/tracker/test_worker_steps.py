@@ -127,7 +127,7 @@ def test_image_sets_without_lenses_are_counted_one_by_one(tmp_path):
 
 
 def test_a_failed_image_set_is_lost_where_the_body_was_and_says_how_long_it_took(bench):
-    ticks = iter([5.0, 5.25])
+    ticks = iter([5.0, 5.25, 5.5])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tracker_node.ros.tracker.worker.time", SimpleNamespace(perf_counter=lambda: next(ticks), monotonic=float))
         bench.tracker.failing = {10}

@@ -102,7 +102,8 @@ def by_body(
         own = argparse.Namespace(**vars(args))
         own.model, own.person = Path(entry.model), None if entry.person is None else list(entry.person)
         own.initial_state = None if entry.initial_state is None else Path(entry.initial_state)
-        own.config = Path(entry.config) if entry.config else args.config
+        given = args.config if args.config != (recording.config and Path(recording.config)) else None
+        own.config = given or (Path(entry.config) if entry.config else args.config)
         own.output = None if args.output is None else Path(args.output) / name
         found[name] = own, alone
     return found

@@ -31,7 +31,6 @@ def run(args: argparse.Namespace) -> int:
         from ...ros.ingest.node import CameraIngestNode, IngestOptions
         from ...ros.tracker.image_inbox import InboxOptions
         from ...ros.tracker.node import TrackerNode
-        from ...runs.writer import write_body
 
         rig = load_rig(args.rig)
         ingest = IngestOptions(
@@ -61,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
             cameras.close()
             tracker.close()
             if args.output is not None:
-                write_body(args.output, options.model, tracker.surfaces)
+                tracker.write_bodies(args.output)
             failure, counts, problems = tracker.failure or tracker.fatal, cameras.counts, cameras.problems
             cameras.destroy_node()
             tracker.destroy_node()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..arguments.cameras import with_topics
 from ..arguments.recording import add_recording_argument, by_body, evaluation_of, fill_in
@@ -18,6 +18,7 @@ from .tracker import add_body_arguments
 
 if TYPE_CHECKING:
     from ...loaders.recording_yaml import RecordingFile
+    from ...ros.pipeline import Progress
     from ...tracking.config import TrackerConfig
 
 SUMMARY = "run camera_ingest, tracker and recorder together, from cameras to a bag, and evaluate if a recording.yaml says so"
@@ -111,19 +112,29 @@ def run(args: argparse.Namespace) -> int:
         folder=folder,
         summary=asked_of_run(asked, None if args.ros_args else config, n_sets),
     )
-    status, progress, interrupted = run_pipeline(options)
-    counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
-    print(f"{progress.sets} image sets: {counts or 'none'}" + (f"; bag {args.bag}" if args.bag else ""))
+    status, of_bodies, interrupted = run_pipeline(options)
+    for name, progress in of_bodies.items():
+        counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
+        said = f"{name and f'{name}: '}{progress.sets} image sets: {counts or 'none'}"
+        print(said + (f"; bag {args.bag}" if args.bag else ""))
     evaluations = _evaluations(args, recording) if recording is not None and args.bag else []
     if interrupted:
         for arguments in evaluations:
             print(f"not evaluated, as it was ended early; to do it: tracker_node {shlex.join(arguments)}")
         raise KeyboardInterrupt if status == 0 else SystemExit(status)
-    by_status = {each.name: n for each, n in progress.statuses.items()}
-    untracked = nothing_tracked("pipeline", by_status, "", args.initial_state is not None) if status == 0 else 0
+    untracked = 0 if status else _untracked(by_body(args, recording), of_bodies)
     if status == 0:
         status = next((code for code in [run_verb(*arguments) for arguments in evaluations] if code), 0)
     return status or untracked
+
+
+def _untracked(asked: Mapping[str, tuple[argparse.Namespace, Any]], of_bodies: Mapping[str, Progress]) -> int:
+    """Exit status where a body was never tracked, which is said; else 0."""
+    statuses = []
+    for name, progress in of_bodies.items():
+        by_status = {each.name: n for each, n in progress.statuses.items()}
+        statuses.append(nothing_tracked("pipeline", by_status, "", asked[name][0].initial_state is not None, name))
+    return max(statuses)
 
 
 def _evaluations(args: argparse.Namespace, recording: RecordingFile) -> list[list[str]]:
@@ -140,6 +151,7 @@ def _evaluations(args: argparse.Namespace, recording: RecordingFile) -> list[lis
 
 def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | None) -> TrackerConfig:
     """Mistakes in files are said before anything is started; parameters of the tracker."""
+    from ...errors import FileFormatError
     from ...loaders.images.source import load_backgrounds
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
@@ -147,8 +159,12 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
     from ...tracking.config import TrackerConfig
 
     config = load_config(args.config) if args.config else TrackerConfig()
-    for own, _ in by_body(args, recording).values():
+    for name, (own, _) in by_body(args, recording).items():
         model = load_model(own.model)
+        own_config = recording.bodies[name].config if recording is not None and name else None
+        if own_config is not None:
+            expected = "nothing: a graph has one set of parameters"
+            raise FileFormatError(args.recording, f"bodies.{name}.config", expected, own_config)
         if own.initial_state:
             load_state(own.initial_state, model)
     if args.occluders:

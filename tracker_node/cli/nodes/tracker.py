@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -127,6 +128,7 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     from ...tracking.config import TrackerConfig
 
     bodies = _bodies(args) if args.bodies else {}
+    _check_listeners(args, bodies)
     first = next(iter(bodies.values()), None)
     model = load_model(args.model) if first is None else first.model
     state = load_state(args.initial_state, model) if args.initial_state else None
@@ -142,6 +144,17 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
         inbox=inbox,
         calibration_from_topics=args.calibration == "camera_info",
     )
+
+
+def _check_listeners(args: argparse.Namespace, bodies: Mapping[str, BodyOptions]) -> None:
+    """Topics that are waited for are those of bodies that there are."""
+    from ...errors import FileFormatError
+
+    for topic, _ in args.wait_for:
+        body = topic.rpartition("/")[0]
+        if body and body not in bodies:
+            expected = f"topics of {', '.join(bodies)}" if bodies else "topics of the one body that there is"
+            raise FileFormatError("command line", "--wait-for", expected, topic)
 
 
 def _bodies(args: argparse.Namespace) -> dict[str, BodyOptions]:
@@ -198,7 +211,6 @@ def run(args: argparse.Namespace) -> int:
         from ...ros.executor import attach, ros_process, spin
         from ...ros.tracker.image_inbox import InboxOptions
         from ...ros.tracker.node import TrackerNode
-        from ...runs.writer import write_body
 
         rig = load_rig(args.rig)
         options = tracker_options(args, rig, InboxOptions(lossless=args.lossless, compressed=args.compressed))
@@ -216,7 +228,7 @@ def run(args: argparse.Namespace) -> int:
         finally:
             node.close()
             if args.output is not None:
-                write_body(args.output, options.model, node.surfaces)
+                node.write_bodies(args.output)
             failure = failure or node.fatal
             node.destroy_node()
     if failure:

@@ -74,7 +74,7 @@ class TrackerDiagnostics:
         self._since_ns: dict[str, int] = {}  # part -> stamp from which on it has been in trouble
 
     def estimated(
-        self, estimates: Mapping[str, TrackEstimate], image_set: ImageSet, counts: WorkerCounts, now_ns: int
+        self, estimates: Mapping[str, TrackEstimate], image_set: ImageSet, counts: WorkerCounts, now_ns: int, step_ms: float
     ) -> None:
         """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of.
 
@@ -84,10 +84,11 @@ class TrackerDiagnostics:
         image_set : the images that it was made from.
         counts : of the worker, this set included.
         now_ns : of the clock that stamps are of.
+        step_ms : that it took.
         """
         stamps = [image.stamp_ns for image in image_set.images]
         self._latency_ms.append(1e-6 * (now_ns - image_set.stamp_ns))
-        self._processing_ms.append(sum(float(estimate.timings.total_ms) for estimate in estimates.values()))
+        self._processing_ms.append(step_ms)
         self._spread_ms.append(1e-6 * (max(stamps) - min(stamps)))
         for body, estimate in estimates.items():
             self._report_body(f"{body}: " if body else "", estimate, counts)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
@@ -18,6 +19,7 @@ from ...model.configuration import State
 from ...observation.image_set import ImageSet
 from ...runs.joint_states import check_use
 from ...runs.messages import lens_of
+from ...runs.writer import write_body
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import TrackEstimate
 from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
@@ -75,7 +77,7 @@ class TrackerNode(ManagedNode):
         self._outputs: dict[str, TrackerOutputs] = {}  # by body
         self._bodies: BodiesOutput | None = None  # of all together
         self._joint_states: JointStateInbox | None = None
-        self.surfaces: np.ndarray | None = None  # as the last estimate has them
+        self._surfaces: dict[str, np.ndarray | None] = {}  # by body, as its last estimate has them
         self._changes = 0  # of parameters, or lenses, that have come into effect
         self._builder = SetupBuilder(self.get_logger().error)
         self._again_s = 0.0  # steady time from which on a tracker that could not be made is tried again
@@ -119,6 +121,8 @@ class TrackerNode(ManagedNode):
         points = PointMatching(config.synchronizer.image_period_s)
         self._keypoints = KeypointInbox(self, points, self._mismatches, self._diagnostics, options.point_names)
         topic = str(fixed["joint_states"])
+        if topic and options.bodies:
+            raise FileFormatError("parameters of tracker", "joint_states", "nothing beside several bodies", topic)
         if topic:
             check_use(options.model, config)
         said = JointStateInbox(self, options.model, topic, self._diagnostics, self._mismatches) if topic else None
@@ -207,6 +211,11 @@ class TrackerNode(ManagedNode):
             return all(outputs.subscriber_count(name) >= count for outputs in of)
 
         return bool(self._outputs) and all(have(topic, count) for topic, count in wanted.items())
+
+    def write_bodies(self, folder: Path) -> None:
+        """Write each body as it was seen last, with its clothes; of several, into a folder of its name."""
+        for name, body in self._options.each.items():
+            write_body(folder / name, body.model, self._surfaces.get(name))
 
     @property
     def has_ended(self) -> bool:
@@ -325,15 +334,16 @@ class TrackerNode(ManagedNode):
 
     def _on_estimate(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         assert self._worker is not None and self._worker.rig is not None
-        self.surfaces = estimate.surfaces
         for name, outputs in self._outputs.items():
-            outputs.publish(self._worker.estimates[name], image_set, self._worker.rig)
+            own = self._worker.estimates[name]
+            self._surfaces[name] = own.surfaces
+            outputs.publish(own, image_set, self._worker.rig)
         if self._bodies is not None:
             self._bodies.publish(self._worker.estimates, self._worker.rig.world_frame)
         if self._worker.counts.tracked == 1:
             self.get_logger().info(f"first image set tracked {time.monotonic() - self._began_s:.2f} s after the start")
         now_ns = self.get_clock().now().nanoseconds
-        self._tracker_diagnostics.estimated(self._worker.estimates, image_set, self._worker.counts, now_ns)
+        self._tracker_diagnostics.estimated(self._worker.estimates, image_set, self._worker.counts, now_ns, self._worker.step_ms)
         self._camera_diagnostics.contradicted(estimate.faults)
 
     def _on_jump(self, jump: TimeJump) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import traceback
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,27 +35,27 @@ class TrackingSetup:
 
 
 class StartRequests:
-    """Keeps the newest request, which comes from any thread, until an image set has been tracked as requested."""
+    """Keeps the newest request for each body, which comes from any thread, until an image set has been tracked as requested."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._asked: StartRequest | None = None
+        self._asked: dict[str, StartRequest] = {}
 
-    @property
-    def asked(self) -> StartRequest | None:
-        """The newest, until it has been followed."""
-        return self._asked
+    def asked(self, body: str) -> StartRequest | None:
+        """The newest for a body or for all, until it has been followed."""
+        with self._lock:
+            return self._asked.get(body, self._asked.get(""))
 
     def ask(self, request: StartRequest) -> None:
-        """A new one; it takes the place of an earlier one."""
+        """A new one; it takes the place of an earlier one, one for all bodies that of all."""
         with self._lock:
-            self._asked = request
+            self._asked = {**self._asked, request.body: request} if request.body else {"": request}
 
-    def followed(self, request: StartRequest | None) -> None:
-        """An image set has been tracked as this one said; what has been asked since is kept."""
+    def followed(self, requests: Iterable[StartRequest]) -> None:
+        """An image set has been tracked as these said; what has been asked since is kept."""
         with self._lock:
-            if self._asked is request:
-                self._asked = None
+            done = set(map(id, requests))
+            self._asked = {body: request for body, request in self._asked.items() if id(request) not in done}
 
 
 @dataclass

@@ -13,9 +13,8 @@ from ...camera.rig import CameraRig
 from ...errors import TrackerError
 from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
-from ...runs.loop import StartRequest, Steppable, TrackingLoop
+from ...runs.loop import StartRequest, TrackingLoop
 from ...runs.set_formation import SetFormation
-from ...tracking.bodies import Bodies
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import Status, TrackEstimate
 from ..joint_states import JointStateInbox
@@ -47,6 +46,7 @@ class TrackingWorker:
     latest : the latest estimate since the last reset, also that of an image set that failed; of several bodies, of whoever is
         worst off.
     estimates : the same by the name of the body; "" of one that is alone.
+    step_ms : that the latest image set took, all bodies together.
     at_work_since_s : steady time at which the image set at work was begun; None while there is none.
     paused : images are counted, and not used.
     """
@@ -76,7 +76,7 @@ class TrackingWorker:
         self.counts = WorkerCounts()
         self.latest: TrackEstimate | None = None
         self.estimates: Mapping[str, TrackEstimate] = {}
-        self.paused = False
+        self.paused, self.step_ms = False, 0.0
         self.at_work_since_s: float | None = None
 
     @property
@@ -117,8 +117,8 @@ class TrackingWorker:
 
     def start_state(self, body: str = "") -> State | None:
         """Where the next image set begins as far as is known: as asked, else where the body was. None: not at a given state."""
-        request, tracked = self._requests.asked, self._loop.estimates.get(body)
-        if request is not None and request.body in ("", body):
+        request, tracked = self._requests.asked(body), self._loop.estimates.get(body)
+        if request is not None:
             return request.state
         return None if tracked is None else tracked.state
 
@@ -133,7 +133,7 @@ class TrackingWorker:
         ----------
         state, body : where, and which of several.
         """
-        self._begin(StartRequest(lambda tracker: _of(tracker, body).set_state(state), state, body=body))
+        self._begin(StartRequest(lambda tracker: tracker.set_state(state), state, body=body))
 
     def reinitialize(self, near: np.ndarray | None = None, body: str = "") -> None:
         """Search the body wherever it may be; what has been learned stays.
@@ -143,7 +143,7 @@ class TrackingWorker:
         near : see `Tracker.reinitialize`.
         body : which of several; "": all.
         """
-        request = StartRequest(lambda tracker: _of(tracker, body).reinitialize(near), forgets_state=not body, body=body)
+        request = StartRequest(lambda tracker: tracker.reinitialize(near), forgets_state=not body, body=body)
         self._begin(request)
 
     def _begin(self, request: StartRequest) -> None:
@@ -289,14 +289,15 @@ class TrackingWorker:
         self._newest_ns = image_set.stamp_ns
         if self._joint_states is not None:
             image_set = self._joint_states.attached(image_set, waits=self._lossless)
-        request, began = loop.request, time.perf_counter()
+        requests, began = loop.requests, time.perf_counter()
         try:
             estimate = self.latest = loop.step(image_set)
             self.estimates = loop.estimates
-            self._requests.followed(request)
+            self._requests.followed(requests.values())
         except Exception as error:
             self.estimates = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
             estimate = self.latest = next(iter(self.estimates.values()))
+        self.step_ms = 1e3 * (time.perf_counter() - began)
         self.counts.tracked += 1
         self.counts.lost += estimate.status == Status.LOST
         try:
@@ -317,11 +318,6 @@ class TrackingWorker:
         states = {name: tracked[name].state if name in tracked else state for name, state in self._initial_states.items()}
         cameras = self._setup.cameras
         return {name: unknown_estimate(image_set.stamp_ns, reason, state, cameras, total_ms) for name, state in states.items()}
-
-
-def _of(tracker: Steppable, body: str) -> Steppable:
-    """The tracker of one of several bodies; of all without a name."""
-    return tracker.trackers[body] if body and isinstance(tracker, Bodies) else tracker
 
 
 def _described(error: Exception) -> str:
