@@ -1,6 +1,7 @@
 """Several bodies of one recording.yaml: each has a run of its own, and knows of the others."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import tracker_node
 from helpers.cameras.two_people import MODELS, mean_error_m, write_recording
 from tracker_node.cli.main import main
 from tracker_node.model.configuration import State
+from tracker_node.runs.joint_states import JointStateFile
 
 N = 4
 
@@ -53,6 +55,38 @@ def test_what_is_of_one_body_is_refused_beside_several(recording, tmp_path, caps
         assert main(["track", str(recording), "--output", str(tmp_path / "out"), *options]) == 2
         assert said in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def with_configs(recording, folder, first, second):
+    """The same with a file of parameters for each body."""
+    text = recording.read_text()
+    for name, said in (("one", first), ("other", second)):
+        (recording.parent / f"{name}_config.yaml").write_text(f"{said}\n")
+        text = text.replace(f"model: {name}.yaml,", f"model: {name}.yaml, config: {name}_config.yaml,")
+    path = recording.parent / f"{folder}.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_the_command_line_goes_before_what_a_body_says(recording, tmp_path):
+    path = with_configs(recording, "own", "threads: 1", "threads: 1")
+    given = tmp_path / "given.yaml"
+    given.write_text("threads: 2\n")
+    for options, threads in ([], 1), (["--config", str(given)], 2):
+        output = tmp_path / str(threads)
+        assert main(["track", str(path), "--output", str(output), "--max-sets", "1", "--quiet", *options]) == 0
+        parameters = [json.loads((output / name / "run.json").read_text())["parameters"] for name in MODELS]
+        assert [each.get("threads") for each in parameters] == [threads, threads]
+
+
+def test_bodies_form_image_sets_alike_and_have_no_joint_states(recording, tmp_path, capsys):
+    path = with_configs(recording, "unlike", "synchronizer: {queue_s: 0.5}", "synchronizer: {queue_s: 0.6}")
+    assert main(["track", str(path), "--output", str(tmp_path / "out"), "--quiet"]) == 2
+    assert "the same synchronizer.* for all, got others for other than for one" in capsys.readouterr().err
+    people = tracker_node.open_bodies(recording)
+    robots = {name: replace(each, joint_states=JointStateFile(path)) for name, each in people.items()}
+    with pytest.raises(tracker_node.TrackerError, match="no joint states beside several bodies, got some for one"):
+        tracker_node.track_bodies(robots, tmp_path / "out")
 
 
 def test_one_recording_is_not_several(recording):

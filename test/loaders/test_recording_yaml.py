@@ -155,6 +155,13 @@ def test_mistakes_in_several_bodies(folder, right):
     assert expected in str(caught.value) and (not field or caught.value.field == field)
 
 
+def test_a_loop_is_not_evaluated_whichever_body_asks_for_it(folder):
+    (folder / "config.yaml").write_text("")
+    (folder / "own.yaml").write_text("")
+    with pytest.raises(FileFormatError, match="no loop where the run is evaluated when it is over"):
+        load_recording(written(folder, f"{BODIES}\nloop: true\n"))
+
+
 VALUES = st.recursive(
     st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(["rig.yaml", ".", ""])),
     lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=6), inner, max_size=3)),

@@ -1,5 +1,6 @@
 """Several bodies in one graph: topics and services of each, and the same states as offline."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,8 @@ def test_live_states_of_all_bodies_are_those_of_an_offline_run(two_people, tmp_p
                 assert (one.status, one.score, one.model) == (other.status, other.score, MODELS[name].name)
         together = [message for _, message in live.decoded("/tracker/bodies")]
         assert [list(message.names) for message in together] == [list(MODELS)] * N
+        said = json.loads((tmp_path / "live/run.json").read_text())["bodies"]
+        assert list(said) == list(MODELS) and {each["image_sets"] for each in said.values()} == {N}
         assert [int(message.status[1]) for message in together] == [message.status for message in before]
         topics = set(live.topics)
     assert not {"/tracker/state", "/robot_description"} & topics
@@ -76,6 +79,14 @@ def test_mistakes_in_bodies_of_a_node_are_said(two_people, tmp_path, capsys):
         (["--bodies", str(alone)], "field 'bodies': expected several bodies by name"),
         (["--bodies", str(own)], "field 'bodies.one.config': expected nothing: a node has one set of parameters"),
         (["--bodies", str(two_people), "--initial-state", start], "--initial-state"),
+        (["--bodies", str(two_people), "--wait-for", "nobody/state=1"], "'--wait-for': expected topics of one, other"),
     ]:
         assert main(["tracker", "--rig", rig, *arguments]) == 2
         assert said in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_joint_states_of_a_robot_are_not_those_of_several_bodies(two_people):
+    bodies = ["--rig", str(two_people.parent / "rig.yaml"), "--bodies", str(two_people)]
+    tracker = Process("tracker", *bodies, "--end-on-failure", "--ros-args", "-p", "joint_states:=/joints")
+    assert tracker.process.wait(120) == 2 and "'joint_states': expected nothing beside several bodies" in tracker.text
