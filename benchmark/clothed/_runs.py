@@ -12,7 +12,6 @@ import numpy as np
 from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import CHAINS, JOINTS, LIMB_NAMES, ClothedClip
 from benchmark.contour._runs import configured
-from tracker_node.calibration.body_from_points import body_from_points
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
@@ -20,6 +19,7 @@ from tracker_node.observation.image_set import ImageSet
 from tracker_node.observation.keypoints.people import People
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus, Status, TrackEstimate
+from tracker_node.tracking.keypoints.body_from_points import body_from_points
 from tracker_node.tracking.modality import PeopleSeen, Persons
 from tracker_node.tracking.tracker import Tracker
 

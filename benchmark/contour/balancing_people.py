@@ -29,7 +29,6 @@ from benchmark.clothed._runs import limbs_of
 from benchmark.contour._balancing_clip import Clip, Run, judge, load_clip, silhouettes
 from benchmark.contour._runs import print_circumstances
 from benchmark.contour.balancing import CONFIG, LAG_IMAGES, TWO_CAMERAS, configured
-from tracker_node.calibration.body_from_points import body_from_points
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation
 from tracker_node.evaluation.metrics import LOST_LIMB_M
@@ -40,6 +39,7 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus
+from tracker_node.tracking.keypoints.body_from_points import body_from_points
 from tracker_node.tracking.tracker import Tracker
 
 BODY_SETS = 5

@@ -21,7 +21,6 @@ import numpy as np
 from benchmark.clothed._people import KeptPeople
 from benchmark.contour._balancing_clip import SIZE
 from tracker_node.calibration.balancing import named_rig
-from tracker_node.calibration.body_from_points import BodyFromPoints, body_from_points
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.evaluation.masks.reference import load_reference_masks
@@ -39,6 +38,7 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People
+from tracker_node.tracking.keypoints.body_from_points import BodyFromPoints, body_from_points
 
 HERE = Path(__file__).resolve().parent
 WOMAN, WOMAN_MASKS = HERE / "woman.yaml", HERE / "woman_masks.json"

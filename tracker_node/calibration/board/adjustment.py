@@ -18,7 +18,7 @@ import numpy as np
 
 from ...camera.model import CameraModel
 from ...geometry import se3, so3
-from ..levenberg_marquardt import descend
+from ...optimize.descent import descend
 from .equations import CLOCK, N_PLACE, BoardEquations, CameraRows
 from .lens_parameters import lens_jacobian, lens_of_vector, lens_prior, lens_vector
 

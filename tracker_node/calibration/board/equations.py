@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..levenberg_marquardt import ArrowEquations
+from ...optimize.descent import ArrowEquations
 
 CLOCK, N_PLACE = 6, 7  # of a camera's parameters: six for its place, then the clock, then the lens
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...geometry import se3, so3
-from ..levenberg_marquardt import ArrowEquations, descend
+from ...optimize.descent import ArrowEquations, descend
 from .triangulation import reproject, triangulate
 
 

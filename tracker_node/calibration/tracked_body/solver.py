@@ -19,8 +19,8 @@ from ...model.shape_parameters import ShapeSpace
 from ...objective.constraints.prior import Prior
 from ...objective.normal_equations import LeastSquaresObjective
 from ...objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines, line_residuals, linearize_lines, normal_equations
+from ...optimize.descent import ArrowEquations, Descent, descend
 from ...optimize.levenberg_marquardt import clip_to_limits
-from ..levenberg_marquardt import ArrowEquations, Descent, descend
 
 
 @dataclass(frozen=True, eq=False)

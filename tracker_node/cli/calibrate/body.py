@@ -121,7 +121,6 @@ def run(args: argparse.Namespace) -> int:
 def _from_points(args: argparse.Namespace) -> int:
     """From the points of a recording's images."""
     from ...calibration.body import model_stature
-    from ...calibration.body_from_points import body_from_points
     from ...loaders.images.source import SourceOptions
     from ...loaders.model.model_yaml import dump_model, load_model
     from ...loaders.rig.rig_yaml import load_rig
@@ -131,6 +130,7 @@ def _from_points(args: argparse.Namespace) -> int:
     from ...runs.image_sets import SourceStream
     from ...runs.people.spread import people_of_sets
     from ...tracking.config import TrackerConfig
+    from ...tracking.keypoints.body_from_points import body_from_points
 
     given = args.trc or args.stature or args.states or args.rig or args.report or args.asymmetric
     check(not given, "--from-points", "no --trc, --stature, --states, --rig, --report or --asymmetric beside it")

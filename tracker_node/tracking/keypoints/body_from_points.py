@@ -12,25 +12,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.rig import CameraRig
-from ..errors import TrackerError
-from ..geometry import se3
-from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
-from ..model.humans.keypoints import BLAZEPOSE, KeypointTable, LandmarkPoint, expected_offsets
-from ..model.proportions import expected_lengths
-from ..model.shape_parameters import ShapeSpace
-from ..objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, U, V
-from ..objective.shape_jacobian import landmarks_D_shape
-from ..optimize.levenberg_marquardt import clip_to_limits
-from ..tracking.config import TrackerConfig
-from ..tracking.constraints import resting
-from ..tracking.keypoints.choice import PersonChoice
-from ..tracking.keypoints.fitting import KeypointFitting
-from ..tracking.keypoints.modality import KeypointModality, points_of
-from ..tracking.keypoints.start import PointStart
-from ..tracking.modality import PeopleSeen
-from .levenberg_marquardt import descend
+from ...camera.rig import CameraRig
+from ...errors import TrackerError
+from ...geometry import se3
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
+from ...model.humans.keypoints import BLAZEPOSE, KeypointTable, LandmarkPoint, expected_offsets
+from ...model.proportions import expected_lengths
+from ...model.shape_parameters import ShapeSpace
+from ...objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, U, V
+from ...objective.shape_jacobian import landmarks_D_shape
+from ...optimize.descent import descend
+from ...optimize.levenberg_marquardt import clip_to_limits
+from ..config import TrackerConfig
+from ..constraints import resting
+from ..modality import PeopleSeen
+from .choice import PersonChoice
+from .fitting import KeypointFitting
+from .modality import KeypointModality, points_of
+from .start import PointStart
 
 _LENGTHS = ("size", "length", "breadth")
 _ITERATIONS, _TOLERANCE = 30, 1e-4

@@ -1,8 +1,8 @@
-"""Levenberg-Marquardt for the least-squares problems of calibration: one loop, whatever the unknowns are.
+"""Levenberg-Marquardt for least-squares problems of any unknowns, such as those of calibration: one loop for all of them.
 
 A problem brings its cost and a linearization that gives the step of any damping. Where some unknowns are shared, such as cameras,
 and many others do not know each other, such as points or poses, that is the step of `ArrowEquations`. The state's own
-minimization, with limits, is `optimize`.
+minimization, with limits, is `levenberg_marquardt`.
 """
 
 from __future__ import annotations

@@ -10,9 +10,7 @@ from helpers.bodies.detected_people import HUMAN, POINTS, posed, seen_by, standi
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.cameras.small_clip import body as arm_and_trunk
 from helpers.numeric.finite_difference import assert_jacobian
-from tracker_node.calibration import body_from_points as module
 from tracker_node.calibration.body import targets_of
-from tracker_node.calibration.body_from_points import BodyFromPoints, body_from_points
 from tracker_node.errors import TrackerError
 from tracker_node.geometry import se3
 from tracker_node.loaders.motion.trc import load_trc
@@ -26,6 +24,8 @@ from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.people import People, Person
 from tracker_node.runs.people.recorded import PointFiles, open_recorded_people
 from tracker_node.tracking.config import TrackerConfig
+from tracker_node.tracking.keypoints import body_from_points as module
+from tracker_node.tracking.keypoints.body_from_points import BodyFromPoints, body_from_points
 
 RIG = circle_rig(4)
 SPACE = ShapeSpace(HUMAN, True, ("size", "length", "breadth"))
