@@ -82,6 +82,7 @@ class TrackingLoop:
         self.requests: dict[str, StartRequest] = {}
         self.tracked_set: ImageSet | None = None
         self._last_ns: int | None = None
+        self._left: Steppable | None = None  # that has tracked, before there was none
 
     def step(self, image_set: ImageSet) -> TrackEstimate:
         """Track an image set; where its stamp goes back, the tracker begins anew. What it teaches is learned by `learn`.
@@ -127,7 +128,11 @@ class TrackingLoop:
         """Another tracker, which begins as was requested, or where the old one has left the body."""
         old, self.tracker = self.tracker, tracker
         if tracker is None:
+            self._left = old or self._left
             return
+        self._left = old or self._left
+        if isinstance(tracker, Bodies) and isinstance(self._left, Bodies):
+            tracker.keep_joined(self._left)
         image_sets, before = self._sets_of(old), _by_body(old)
         for name, own in _by_body(tracker).items():
             request = self.requests.get(name, self.requests.get(""))

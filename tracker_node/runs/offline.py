@@ -27,6 +27,7 @@ from ..parallel import short_switches
 from ..tracking.bodies import Bodies, shared_threads
 from ..tracking.config import KEYPOINTS, REGION, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.joining import Joining, JoiningOptions
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
@@ -168,9 +169,25 @@ def run_offline(
     return run_together({run.model.name: run}, {run.model.name: Path(output)}, progress, tell)[run.model.name]
 
 
+@dataclass(frozen=True, eq=False)
+class JoiningRun:
+    """People who may join a run.
+
+    Parameters
+    ----------
+    options : who may, and when somebody has left.
+    run : of a body that joins, as if it were alone; its model is that of ``options``.
+    output : folder; the run of who joins goes into a folder of its name there.
+    """
+
+    options: JoiningOptions
+    run: OfflineRun
+    output: Path
+
+
 def run_together(
     runs: Mapping[str, OfflineRun], outputs: Mapping[str, Path], progress: Progress | None = None,
-    tell: Callable[[str], None] = lambda sentence: None,
+    tell: Callable[[str], None] = lambda sentence: None, joining: JoiningRun | None = None,
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
     """Track several bodies in the same images, each of which knows of the others; otherwise as `run_offline`.
 
@@ -180,18 +197,20 @@ def run_together(
     outputs : by the name of the body, the folder of its run, made here.
     progress : called after each set, with the estimate of whichever body is worst off.
     tell : see `run_offline`.
+    joining : people who come and go beside these, who may be none; None: nobody does.
 
     Returns
     -------
-    By the name of the body, content of its ``run.json``.
+    By the name of the body, also of who has joined, content of its ``run.json``.
 
     Raises
     ------
     TrackerError : nothing can be tracked at all.
     """
-    run = next(iter(runs.values()))
-    _check_together(runs)
-    using = next((each for each in runs.values() if KEYPOINTS in each.config.modalities), run)
+    everybody = [*runs.values(), *([] if joining is None else [joining.run])]
+    run = everybody[0]
+    _check_together(runs, joining)
+    using = next((each for each in everybody if KEYPOINTS in each.config.modalities), run)
     with ExitStack() as stack:
         stack.enter_context(short_switches())
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
@@ -202,31 +221,37 @@ def run_together(
         backgrounds = resized_backgrounds(load_backgrounds(run.rig), rig)
         table = run.table if recorded is None else recorded.table
         detection = _detection_of(using, rig, reader) if recorded is None else recorded
-        at_once, threads = shared_threads(run.config.threads, len(runs))
-        bodies = {
-            name: _Followed(each, threads, rig, backgrounds, table, outputs[name], _detector_name(each, detection), stack)
-            for name, each in runs.items()
-        }
+        at_once, threads = shared_threads(run.config.threads, len(everybody) + (joining is not None))
+        followers = _Followers(rig, backgrounds, table, detection, threads, stack, joining)
+        for name, each in runs.items():
+            followers.add(name, each, outputs[name])
         joint_states = _joint_states_of(run)
 
         def prepared(tracker: Any, image_set: ImageSet) -> ImageSet:
             image_set = image_set if joint_states is None else with_joint_states(joint_states, image_set)
             return image_set if detection is None else detection.with_people(tracker, image_set)
 
-        if any(REGION in each.config.modalities for each in runs.values()):
+        if any(REGION in each.config.modalities for each in everybody):
             compile_ahead(show_progress)
-        loop = TrackingLoop(Bodies({name: body.tracker for name, body in bodies.items()}, at_once), prepared)
+        trackers = {name: body.tracker for name, body in followers.bodies.items()}
+        loop = TrackingLoop(Bodies(trackers, at_once, followers.joining(rig)), prepared)
         try:
-            _track(run, loop, stream, bodies, progress)
+            _track(run, loop, stream, followers, progress)
         except TrackerError as error:
             stream.errors.append(str(error))
         finally:
-            summaries = {name: body.ended(stream, detection, list(runs)) for name, body in bodies.items()}
+            names = list(followers.bodies)
+            summaries = {name: body.ended(stream, detection, names) for name, body in followers.bodies.items()}
     return summaries
 
 
-def _check_together(runs: Mapping[str, OfflineRun]) -> None:
+def _check_together(runs: Mapping[str, OfflineRun], joining: JoiningRun | None) -> None:
     """What several bodies have in common, and what only one that is alone can have."""
+    if joining is not None:
+        taken = [name for name in joining.options.names if name in runs]
+        if taken:
+            raise TrackerError(f"joining: expected names that no body has, got {', '.join(taken)}")
+        runs = {**runs, "those who join": joining.run}
     first = next(iter(runs))
     for name, run in runs.items():
         if run.config.synchronizer != runs[first].config.synchronizer:
@@ -239,16 +264,10 @@ class _Followed:
     """One body of a run: its tracker, and what is written of it."""
 
     def __init__(
-        self, run: OfflineRun, threads: int, rig: CameraRig, backgrounds: Mapping, table: KeypointTable | None, output: Path,
-        detector: str | None, stack: ExitStack,
+        self, run: OfflineRun, tracker: Tracker, rig: CameraRig, output: Path, detector: str | None, stack: ExitStack
     ):  # fmt: skip
-        self._run, config = run, replace(run.config, threads=threads)
-        self.tracker = Tracker(rig, run.model, config, backgrounds, run.initial_state, run.occluders, table)
-        if run.person is not None:
-            if run.initial_state is not None:
-                raise TrackerError("expected a place to search a person at (--person) or an initial state, got both")
-            self.tracker.reinitialize(run.person)
-        if run.smooth_s is not None and not self.tracker.in_information_units:
+        self._run, self.tracker = run, tracker
+        if run.smooth_s is not None and not tracker.in_information_units:
             raise TrackerError(f"to smooth takes contours (region, chamfer), got the modality {run.config.colors} alone")
         self._writer = stack.enter_context(
             RunWriter(output, rig, run.model, masks=run.masks, masked_images=run.masked_images, detector=detector)
@@ -274,6 +293,52 @@ class _Followed:
             summary["bodies"] = list(bodies)
         self._writer.write_summary(summary)
         return summary
+
+
+class _Followers:
+    """All bodies of a run, also those of people who join."""
+
+    def __init__(
+        self, rig: CameraRig, backgrounds: Mapping, table: KeypointTable | None,
+        detection: PeopleDetection | RecordedPeople | None, threads: int, stack: ExitStack, joining: JoiningRun | None,
+    ):  # fmt: skip
+        self._rig, self._backgrounds, self._table, self._detection = rig, backgrounds, table, detection
+        self._threads, self._stack, self._joining = threads, stack, joining
+        self.bodies: dict[str, _Followed] = {}
+
+    def tracker(self, run: OfflineRun, model: ArticulatedModel, state: State | None) -> Tracker:
+        config = replace(run.config, threads=self._threads)
+        return Tracker(self._rig, model, config, self._backgrounds, state, run.occluders, self._table)
+
+    def add(self, name: str, run: OfflineRun, output: Path) -> None:
+        """A body that is known by name."""
+        tracker = self.tracker(run, run.model, run.initial_state)
+        if run.person is not None:
+            if run.initial_state is not None:
+                raise TrackerError("expected a place to search a person at (--person) or an initial state, got both")
+            tracker.reinitialize(run.person)
+        self._begin(name, run, tracker, output)
+
+    def _begin(self, name: str, run: OfflineRun, tracker: Tracker, output: Path) -> None:
+        detector = _detector_name(run, self._detection)
+        self.bodies[name] = _Followed(run, tracker, self._rig, output, detector, self._stack)
+
+    def joining(self, rig: CameraRig) -> Joining | None:
+        """Those who may join."""
+        if self._joining is None:
+            return None
+        run = self._joining.run
+        return Joining(rig, self._joining.options, lambda model, state: self.tracker(run, model, state), self._table)
+
+    def take(self, together: Bodies, image_set: ImageSet) -> None:
+        """Write what has been made of an image set, of everybody who is there."""
+        for name, estimate in together.estimates.items():
+            if name not in self.bodies:
+                assert self._joining is not None
+                tracker = together.trackers[name]
+                run = replace(self._joining.run, model=tracker.model)
+                self._begin(name, run, tracker, self._joining.output / name)
+            self.bodies[name].take(estimate, image_set)
 
 
 def _stream_of(run: OfflineRun, reader: BagReader | None, with_points: bool) -> tuple[CameraRig, ImageSetStream]:
@@ -370,14 +435,13 @@ class _Record:
 
 
 def _track(
-    run: OfflineRun, loop: TrackingLoop, stream: ImageSetStream, bodies: Mapping[str, _Followed], progress: Progress | None
+    run: OfflineRun, loop: TrackingLoop, stream: ImageSetStream, followers: _Followers, progress: Progress | None
 ) -> None:
     together = loop.tracker
     assert isinstance(together, Bodies)
     for n, image_set in enumerate(stream, 1):
         worst = loop.step(image_set)
-        for name, estimate in together.estimates.items():
-            bodies[name].take(estimate, loop.tracked_set or image_set)
+        followers.take(together, loop.tracked_set or image_set)
         if progress is not None:
             progress(n, stream.n_expected, worst)
         if run.max_sets is not None and n >= run.max_sets:

@@ -22,6 +22,7 @@ from ..observation.keypoints.crop import Crop
 from ..parallel import Workers
 from .config import KEYPOINTS
 from .estimate import Status, TrackEstimate
+from .joining import Joining
 from .keypoints.late import MOST_LATE_S
 from .modality import PeopleSeen
 from .tracker import Tracker
@@ -40,26 +41,62 @@ class Bodies:
     ----------
     trackers : by the name of the body, all of one rig.
     at_once : bodies that are worked on at once, each on a thread and those of its tracker (`shared_threads`).
+    joining : people who come and go, beside these; None: nobody does.
 
     Attributes
     ----------
-    trackers : the same.
+    trackers : the same, and those of who has joined and not left.
     estimates : of the latest image set, by the name of the body.
+    absent : the same of those who may join, or have left.
     """
 
-    def __init__(self, trackers: Mapping[str, Tracker], at_once: int = 1):
-        self.trackers, self.estimates = dict(trackers), dict[str, TrackEstimate]()
+    def __init__(self, trackers: Mapping[str, Tracker], at_once: int = 1, joining: Joining | None = None):
+        self._named, self._joining = dict(trackers), joining
+        self.estimates, self.absent = dict[str, TrackEstimate](), dict[str, TrackEstimate]()
         self._past = deque[tuple[int, dict[str, State]]]()  # stamp and states of the image sets that late points may be of
         self._workers = Workers(at_once)
 
     def estimate(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate all states for one image set; returned is that of whoever is worst off, all are in ``estimates``."""
         self.learn()  # what others look like is as of the set before, whenever somebody has asked for that
+        if self._joining is not None:
+            self._admit(self._joining, image_set)
         sets, names = self.image_sets(image_set), list(self.trackers)
         estimates = self._workers.map(lambda name: self.trackers[name].estimate(sets[name]), names)
         self.estimates = dict(zip(names, estimates, strict=True))
         self._remember(image_set.stamp_ns)
-        return max(self.estimates.values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status))
+        if self._joining is not None:
+            self._joining.dismiss(self.estimates)
+            self.absent = self._joining.absent(image_set.stamp_ns)
+        return max((self.estimates or self.absent).values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status))
+
+    @property
+    def trackers(self) -> dict[str, Tracker]:
+        """By the name of the body, also of who has joined and not left."""
+        return self._named if self._joining is None else {**self._named, **self._joining.trackers}
+
+    def keep_joined(self, other: Bodies) -> None:
+        """Those who have joined others are here too.
+
+        Parameters
+        ----------
+        other : has tracked until now, who has joined is taken over from there.
+        """
+        if self._joining is not None and other._joining is not None:
+            self._joining.keep(other._joining)
+
+    def _admit(self, joining: Joining, image_set: ImageSet) -> None:
+        """Give a body to somebody new in the images, as the detector has seen them."""
+        people = joining.found(image_set)
+        if not any(people):
+            return
+        late_ns = _people_stamp_ns(image_set)
+        stamp_ns = image_set.stamp_ns if late_ns is None else late_ns
+        seen = self._seen_by_each(image_set)
+        expected = self._expected_of_people(image_set, seen)
+        owners = self._owners_begun(seen, expected)
+        others = [state.T_world_root[:3, 3] for state in expected.values() if state is not None]
+        joining.admit(stamp_ns, _without(people, owners, ""), others)
 
     def learn(self) -> None:
         """See `Tracker.learn`."""
@@ -68,6 +105,9 @@ class Bodies:
     def reset(self) -> None:
         """See `Tracker.reset`."""
         self._past.clear()
+        self.estimates, self.absent = {}, {}
+        if self._joining is not None:
+            self._joining.reset()
         for tracker in self.trackers.values():
             tracker.reset()
 
@@ -100,7 +140,7 @@ class Bodies:
 
     def image_sets(self, image_set: ImageSet) -> dict[str, ImageSet]:
         """The image set as each tracker is to take it: with the others as neighbors, and without the people who are others."""
-        if len(self.trackers) == 1:
+        if len(self.trackers) < 2:
             return dict.fromkeys(self.trackers, image_set)
         neighbors = {name: tracker.as_neighbor(image_set.stamp_ns) for name, tracker in self.trackers.items()}
         people = self._people_of_each(image_set)
@@ -111,23 +151,37 @@ class Bodies:
 
     def _people_of_each(self, image_set: ImageSet) -> dict[str, tuple[CameraImage, ...]]:
         """By body, the images without those people who are other bodies."""
-        seen = {name: tracker.people_of(image_set) for name, tracker in self.trackers.items()}
-        past = self._states_at(_people_stamp_ns(image_set))
-        expected = {
-            name: past.get(name, tracker.expected(image_set.stamp_ns)) for name, tracker in self.trackers.items() if seen[name]
-        }
-        in_touch = self._in_touch({name: state for name, state in expected.items() if state is not None})
-        owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
-        unknown = [name for name, state in expected.items() if state is None]
-        if len(unknown) > 1:
-            free = {name: _without(seen[name], owners, "") for name in unknown}
-            expected |= _begun({name: self.trackers[name].candidates(free[name]) for name in unknown})
-            owners = self._owners(seen, {name: state for name, state in expected.items() if state is not None})
+        seen = self._seen_by_each(image_set)
+        expected = self._expected_of_people(image_set, seen)
+        in_touch = self._in_touch(_known(expected))
+        several = sum(state is None for state in expected.values()) > 1
+        owners = self._owners_begun(seen, expected) if several else self._owners(seen, _known(expected))
         cameras = next(iter(self.trackers.values())).rig.names
         return {
             name: tuple(_left(image, cameras, owners, name, name in in_touch) for image in image_set.images)
             for name in self.trackers
         }
+
+    def _seen_by_each(self, image_set: ImageSet) -> dict[str, PeopleSeen]:
+        """Whom a detector has found, by the bodies that take points."""
+        seen = {name: tracker.people_of(image_set) for name, tracker in self.trackers.items()}
+        return {name: people for name, people in seen.items() if people}
+
+    def _expected_of_people(self, image_set: ImageSet, seen: Mapping[str, PeopleSeen]) -> dict[str, State | None]:
+        """Where bodies were expected in the images that people were found in; None of who is not known."""
+        past = self._states_at(_people_stamp_ns(image_set))
+        trackers = {name: tracker for name, tracker in self.trackers.items() if name in seen}
+        return {name: past.get(name, tracker.expected(image_set.stamp_ns)) for name, tracker in trackers.items()}
+
+    def _owners_begun(self, seen: Mapping[str, PeopleSeen], expected: dict[str, State | None]) -> list[dict[int, str]]:
+        """By camera, whose body some of the people are, also of bodies that begin among them, whose states are filled in."""
+        owners = self._owners(seen, _known(expected))
+        unknown = [name for name, state in expected.items() if state is None]
+        if not unknown:
+            return owners
+        free = {name: _without(seen[name], owners, "") for name in unknown}
+        expected |= _begun({name: self.trackers[name].candidates(free[name]) for name in unknown})
+        return self._owners(seen, _known(expected))
 
     def _remember(self, stamp_ns: int) -> None:
         self._past.append((stamp_ns, {name: each.state for name, each in self.estimates.items() if each.status.known}))
@@ -178,6 +232,10 @@ def shared_threads(threads: int, bodies: int) -> tuple[int, int]:
     """
     at_once = max(1, min(threads, bodies))
     return at_once, max(1, threads // at_once)
+
+
+def _known(expected: Mapping[str, State | None]) -> dict[str, State]:
+    return {name: state for name, state in expected.items() if state is not None}
 
 
 def _others(neighbors: Mapping[str, Neighbor | None], name: str) -> tuple[Neighbor, ...]:

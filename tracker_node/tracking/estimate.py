@@ -166,3 +166,38 @@ class TrackEstimate:
         """(n_landmarks, 3, 3), m^2 in world axes: the covariance of the state carried to every landmark of ``model``."""
         J = Configuration(model, self.state).landmark_jacobian()
         return J @ self.covariance @ np.swapaxes(J, 1, 2)
+
+
+def unknown_estimate(
+    stamp_ns: int, reason: str, state: State, cameras: tuple[str, ...], total_ms: float, status: Status = Status.LOST
+) -> TrackEstimate:
+    """What is said of a body of which no tracker says anything.
+
+    Parameters
+    ----------
+    stamp_ns : of the image set.
+    reason : for people.
+    state : the last one known.
+    cameras : names, in the order of the rig.
+    total_ms : that it took.
+    status : LOST, or INITIALIZING.
+
+    Returns
+    -------
+    estimate : with a covariance that says nothing.
+    """
+    n = len(state.to_values())
+    return TrackEstimate(
+        stamp_ns=stamp_ns,
+        status=status,
+        status_reason=reason,
+        state=state,
+        velocity=np.zeros(n),
+        covariance=np.eye(n) * 1e6,
+        score=0.0,
+        residual=0.0,
+        cameras=tuple(CameraReport(name, 0, 0.0, 0) for name in cameras),
+        iterations=0,
+        evaluations=0,
+        timings=Timings(0.0, 0.0, total_ms),
+    )

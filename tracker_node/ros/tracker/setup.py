@@ -8,14 +8,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from ...camera.rig import CameraRig
 from ...errors import TrackerError
-from ...model.configuration import State
 from ...runs.loop import StartRequest, Steppable
 from ...tracking.config import TrackerConfig
-from ...tracking.estimate import CameraReport, Status, Timings, TrackEstimate
 
 PAUSED, INACTIVE, UNCALIBRATED = "paused", "inactive", "uncalibrated"  # why images that have come are not used
 _IDLE = (PAUSED, INACTIVE, UNCALIBRATED)
@@ -70,38 +66,6 @@ class WorkerCounts:
     problems: dict[str, str] = field(default_factory=dict)  # camera -> why
     idle: dict[str, Counter[str]] = field(default_factory=lambda: {reason: Counter() for reason in _IDLE})
     # reason -> camera -> images that came while nothing was to be tracked
-
-
-def unknown_estimate(stamp_ns: int, reason: str, state: State, cameras: tuple[str, ...], total_ms: float) -> TrackEstimate:
-    """What is said when the tracker could not say anything: the last state, and that it is lost.
-
-    Parameters
-    ----------
-    stamp_ns : of the image set.
-    reason : for people.
-    state : the last one known.
-    cameras : names, in the order of the rig.
-    total_ms : that it took.
-
-    Returns
-    -------
-    estimate : LOST, with a covariance that says nothing.
-    """
-    n = len(state.to_values())
-    return TrackEstimate(
-        stamp_ns=stamp_ns,
-        status=Status.LOST,
-        status_reason=reason,
-        state=state,
-        velocity=np.zeros(n),
-        covariance=np.eye(n) * 1e6,
-        score=0.0,
-        residual=0.0,
-        cameras=tuple(CameraReport(name, 0, 0.0, 0) for name in cameras),
-        iterations=0,
-        evaluations=0,
-        timings=Timings(0.0, 0.0, total_ms),
-    )
 
 
 class SetupBuilder:

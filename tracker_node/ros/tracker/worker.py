@@ -16,12 +16,12 @@ from ...observation.image_set import CameraImage, ImageSet
 from ...runs.loop import StartRequest, TrackingLoop
 from ...runs.set_formation import SetFormation
 from ...tracking.config import KEYPOINTS, TrackerConfig
-from ...tracking.estimate import Status, TrackEstimate
+from ...tracking.estimate import Status, TrackEstimate, unknown_estimate
 from ..joint_states import JointStateInbox
 from .command_thread import CommandThread
 from .image_inbox import ImageInbox, Received
 from .point_matching import PointMatching
-from .setup import INACTIVE, PAUSED, UNCALIBRATED, StartRequests, TrackingSetup, WorkerCounts, unknown_estimate
+from .setup import INACTIVE, PAUSED, UNCALIBRATED, StartRequests, TrackingSetup, WorkerCounts
 
 _AT_ONCE = 4  # image sets that may wait in a graph that is watched live: a search takes as long as three, 0.1 s at 30 Hz
 

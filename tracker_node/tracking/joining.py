@@ -1,0 +1,189 @@
+"""People who come into the images while others are tracked, and leave: each is a body with a name of its own, given once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.rig import CameraRig
+from ..errors import TrackerError
+from ..model.articulated import ArticulatedModel
+from ..model.configuration import State
+from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
+from ..observation.image_set import ImageSet
+from .config import KEYPOINTS, TrackerConfig
+from .estimate import Status, TrackEstimate, unknown_estimate
+from .keypoints.body_from_points import body_from_points
+from .keypoints.late import LatePoints
+from .keypoints.people_groups import PersonGroup, grouped
+from .modality import PeopleSeen
+from .tracker import Tracker
+
+_APART_M = 0.5  # of the middle of somebody new from those who are tracked: nearer it is one of them, found twice
+_SAME_M = 1.0  # between the places of one person in two looks...
+_LOOKS_NS = (100_000_000, 1_500_000_000)  # ...which lie so far apart: who is seen once may be a picture on a wall
+_LEAST_POINTS = 16  # of a person that meet in space
+NOBODY_YET = "nobody has come yet"
+
+
+@dataclass(frozen=True, eq=False)
+class JoiningOptions:
+    """Who may join, and when somebody has left.
+
+    Parameters
+    ----------
+    model : whoever comes is like it; the lengths are found from the points.
+    config : parameters of their trackers.
+    most : people who may join, all together.
+    name : of their bodies, with a number behind it.
+    gone_s : a body that is LOST for so long has left; who comes later is somebody else.
+
+    Raises
+    ------
+    TrackerError : points of people are not compared.
+    """
+
+    model: ArticulatedModel
+    config: TrackerConfig
+    most: int = 4
+    name: str = "person"
+    gone_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        if KEYPOINTS not in self.config.modalities:
+            names = ", ".join(self.config.modalities)
+            raise TrackerError(f"people who join are found by points: expected keypoints among the modalities, got {names}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all who may join, in the order in which they come."""
+        return tuple(f"{self.name}_{i + 1}" for i in range(self.most))
+
+
+class Joining:
+    """Finds who is new, and knows who has come and gone.
+
+    Somebody new is seen in two looks by two cameras, apart from all who are tracked. A name is used once.
+
+    Parameters
+    ----------
+    rig : cameras.
+    options : see `JoiningOptions`.
+    make : makes the tracker of a body that begins at a state.
+    table : what the detector's points are on the body.
+
+    Attributes
+    ----------
+    trackers : of those who are here, by name.
+    """
+
+    def __init__(
+        self, rig: CameraRig, options: JoiningOptions, make: Callable[[ArticulatedModel, State | None], Tracker],
+        table: KeypointTable | None = None,
+    ):  # fmt: skip
+        self._rig, self._options, self._make, self._table = rig, options, make, table or BLAZEPOSE
+        self._points = LatePoints(rig, options.model, self._table)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nobody has come."""
+        self.trackers: dict[str, Tracker] = {}
+        self._left: dict[str, tuple[State, str]] = {}  # by name, where they were last, and why they are not here
+        self._lost_since_ns: dict[str, int] = {}
+        self._looks: list[tuple[int, np.ndarray]] = []  # stamps and places of people who may be new
+
+    def keep(self, other: Joining) -> None:
+        """Have those who joined another, with new trackers that know nothing yet."""
+        self.trackers = {name: self._make(tracker.model, None) for name, tracker in other.trackers.items()}
+        self._left, self._lost_since_ns, self._looks = other._left, other._lost_since_ns, other._looks
+
+    @property
+    def _free(self) -> list[str]:
+        return [name for name in self._options.names if name not in self.trackers and name not in self._left]
+
+    def found(self, image_set: ImageSet) -> PeopleSeen:
+        """Whom a detector has found, by camera."""
+        return self._points.found(image_set)
+
+    def admit(self, stamp_ns: int, people: PeopleSeen, others: Sequence[np.ndarray]) -> bool:
+        """Give a body to somebody new.
+
+        Parameters
+        ----------
+        stamp_ns : of the images that people were found in.
+        people : who are nobody's body yet, by camera.
+        others : (3,) meters, world: where those are who are tracked.
+
+        Returns
+        -------
+        Whether somebody has joined.
+        """
+        free = self._free
+        if not free or sum(bool(persons) for persons in people) < 2:
+            return False
+        self._looks = [look for look in self._looks if stamp_ns - look[0] <= _LOOKS_NS[1]]
+        places = _places(grouped(self._rig, people), others)
+        new = next((place for place in places if self._seen_before(stamp_ns, place)), None)
+        self._looks += [(stamp_ns, place) for place in places]
+        if new is None:
+            return False
+        try:
+            fit = body_from_points(self._options.model, self._rig, [people], self._table, self._options.config, new)
+        except TrackerError:  # no body is like that
+            return False
+        if np.linalg.norm(fit.states[0].T_world_root[:3, 3] - new) > _APART_M:
+            return False
+        self.trackers[free[0]] = self._make(fit.model, fit.states[0])
+        self._looks = [look for look in self._looks if np.linalg.norm(look[1] - new) > _SAME_M]
+        return True
+
+    def _seen_before(self, stamp_ns: int, place: np.ndarray) -> bool:
+        return any(
+            stamp_ns - before_ns >= _LOOKS_NS[0] and np.linalg.norm(place - there) <= _SAME_M for before_ns, there in self._looks
+        )
+
+    def dismiss(self, estimates: dict[str, TrackEstimate]) -> None:
+        """Whoever has been LOST for long has left.
+
+        Parameters
+        ----------
+        estimates : of an image set, by the name of the body.
+        """
+        for name in list(self.trackers):
+            estimate = estimates[name]
+            if estimate.status is not Status.LOST:
+                self._lost_since_ns.pop(name, None)
+                continue
+            since_ns = self._lost_since_ns.setdefault(name, estimate.stamp_ns)
+            if estimate.stamp_ns - since_ns >= 1e9 * self._options.gone_s:
+                del self.trackers[name]
+                self._left[name] = estimate.state, f"has left: LOST for {self._options.gone_s:g} s"
+
+    def absent(self, stamp_ns: int) -> dict[str, TrackEstimate]:
+        """What is to be said of those who have not come yet (INITIALIZING), and who have left (LOST where they were last).
+
+        Parameters
+        ----------
+        stamp_ns : of an image set.
+        """
+        found, neutral = {}, State.neutral(self._options.model)
+        for name in self._options.names:
+            if name not in self.trackers:
+                state, reason = self._left.get(name, (neutral, NOBODY_YET))
+                status = Status.LOST if name in self._left else Status.INITIALIZING
+                found[name] = unknown_estimate(stamp_ns, reason, state, self._rig.names, 0.0, status)
+        return found
+
+
+def _places(groups: Sequence[PersonGroup], others: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """(3,) meters, world: where people are whose points meet, each once, apart from the others; most cameras see the first."""
+    found: list[np.ndarray] = []
+    for group in groups:
+        known = np.isfinite(group.points).all(axis=1)
+        if known.sum() >= _LEAST_POINTS:
+            place = np.median(group.points[known], axis=0)
+            if all(np.linalg.norm((place - other)[:2]) > _APART_M for other in (*others, *found)):
+                found.append(place)
+    return found
