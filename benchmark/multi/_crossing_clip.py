@@ -87,19 +87,19 @@ def make_clip(seed: int, cache: Path, bodies: Path = DEFAULT_BODIES) -> Clip:
     folder = cache / f"crossing_{seed}"
     if not _is_drawn(folder):
         print(f"{folder}: drawing {N_SETS} image sets", file=sys.stderr, flush=True)
-        write_recording(set_stage(seed, bodies), folder, _code())
+        write_recording(set_stage(seed, bodies), folder, code_of_clips())
     return load_clip(folder)
 
 
 def _is_drawn(folder: Path) -> bool:
     file = folder / "clip.json"
-    return file.is_file() and json.loads(file.read_text(encoding="utf-8"))["code"] == _code()
+    return file.is_file() and json.loads(file.read_text(encoding="utf-8"))["code"] == code_of_clips()
 
 
-def _code() -> str:
-    """Of the programs that say what is drawn."""
+def code_of_clips(more: str = "") -> str:
+    """Of the programs that say what is drawn, and of what else does."""
     files = sorted((Path(__file__).parent / "crossing").glob("*.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+    return hashlib.sha256(b"".join([*(file.read_bytes() for file in files), more.encode()])).hexdigest()[:16]
 
 
 def load_clip(folder: Path) -> Clip:

@@ -12,11 +12,13 @@ from ..evaluation.evaluate import EvaluationOptions
 from ..evaluation.motion.run_export import ExportRequest, export_run, format_of
 from ..evaluation.review import review
 from ..evaluation.truth.files import truth_of
+from ..loaders.recording_yaml import load_recording
 from ..runs.images import first_image_of
 from ..runs.load import load_run
-from ..runs.offline import OfflineRun, Progress, run_together
-from .recording import Recording, open_bodies, open_recording
+from ..runs.offline import JoiningRun, OfflineRun, Progress, run_together
+from .recording import Recording, joining_of, open_recording, recordings_of
 from .run import Run, unwritten
+from .run import load_run as open_run
 
 
 def track(recording: Recording | str | Path, output: str | Path | None = None, progress: Progress | None = None) -> Run:
@@ -61,37 +63,46 @@ def track_bodies(
     Parameters
     ----------
     recordings : by the name of the body, see `open_bodies`; or a ``recording.yaml``. Cameras, images and points are those of the
-        first.
+        first. People join where the file says so.
     output : folder; the run of each body goes into a folder of its name there.
     progress : of `track`, with the estimate of whichever body is worst off.
 
     Returns
     -------
-    By the name of the body, its run.
+    By the name of the body, its run, also of who has joined.
 
     Raises
     ------
-    TrackerError : of `track`.
+    TrackerError : of `track`; nobody has joined, and there was nobody else.
 
     Examples
     --------
     >>> runs = track_bodies("recording.yaml", "out/two")  # doctest: +SKIP
     """
+    joining = None
     if not isinstance(recordings, Mapping):
-        recordings = open_bodies(recordings)
-    return _tracked(recordings, {name: Path(output) / name for name in recordings}, progress)
+        file = load_recording(recordings)
+        recordings, joining = recordings_of(file), joining_of(file, Path(output))
+    return _tracked(recordings, {name: Path(output) / name for name in recordings}, progress, joining)
 
 
-def _tracked(recordings: Mapping[str, Recording], outputs: Mapping[str, Path], progress: Progress | None) -> dict[str, Run]:
+def _tracked(
+    recordings: Mapping[str, Recording], outputs: Mapping[str, Path], progress: Progress | None,
+    joining: JoiningRun | None = None,
+) -> dict[str, Run]:  # fmt: skip
     problems: list[str] = []
     runs = {name: OfflineRun(**vars(each), asked=each.named_options()) for name, each in recordings.items()}
-    summaries = run_together(runs, outputs, progress, problems.append)
+    summaries = run_together(runs, outputs, progress, problems.append, joining)
     errors = [error for summary in summaries.values() for error in summary["errors"]]
     for sentence in dict.fromkeys([*problems, *errors]):
         warnings.warn(sentence, stacklevel=3)
     if not any(summary["image_sets"] for summary in summaries.values()):
         raise TrackerError("; ".join(dict.fromkeys(errors)) or "no image set was formed from the images of the recording")
-    return {name: Run(load_run(outputs[name]), each.model) for name, each in recordings.items()}
+    found = {name: Run(load_run(outputs[name]), each.model) for name, each in recordings.items()}
+    for name in (name for name in summaries if name not in recordings):
+        assert joining is not None
+        found[name] = open_run(joining.output / name)
+    return found
 
 
 def evaluate(

@@ -17,10 +17,11 @@ from ..loaders.recording_yaml import FILES, JointStatesEntry, RecordingFile, loa
 from ..loaders.rig.rig_yaml import load_rig
 from ..runs.config_file import load_config
 from ..runs.joint_states import JointStateFile
-from ..runs.offline import Recording
+from ..runs.offline import JoiningRun, OfflineRun, Recording
 from ..runs.people.detection import DetectionOptions
 from ..runs.people.recorded import PointFiles
 from ..tracking.config import TrackerConfig
+from ..tracking.joining import USUAL, JoiningOptions
 
 
 def open_recording(path: str | Path) -> Recording:
@@ -55,7 +56,7 @@ def open_bodies(path: str | Path) -> dict[str, Recording]:
 
     Returns
     -------
-    By the name of the body, the recording as if it were alone; of one body, by the name of its model.
+    By the name of the body, the recording as if it were alone; of one body, by the name of its model. Without those who join.
 
     Raises
     ------
@@ -65,8 +66,33 @@ def open_bodies(path: str | Path) -> dict[str, Recording]:
     --------
     >>> runs = track_bodies(open_bodies("recording.yaml"), "out/two")  # doctest: +SKIP
     """
-    recordings = {name: recording_of(alone) for name, alone in load_recording(path).each().items()}
+    return recordings_of(load_recording(path))
+
+
+def recordings_of(file: RecordingFile) -> dict[str, Recording]:
+    """See `open_bodies`, of the content of a ``recording.yaml``."""
+    recordings = {name: recording_of(alone) for name, alone in file.each().items()}
     return {name or each.model.name: each for name, each in recordings.items()}
+
+
+def joining_of(file: RecordingFile, output: Path) -> JoiningRun | None:
+    """People who may join, as the content of a ``recording.yaml`` has it; None: nobody does.
+
+    Parameters
+    ----------
+    file : the content.
+    output : folder; the run of who joins goes into a folder of its name there.
+
+    Raises
+    ------
+    FileFormatError : naming file and field.
+    """
+    if file.joining is None:
+        return None
+    alone = file.of_those_who_join()
+    recording = recording_of(alone) if alone.config else replace(recording_of(alone), config=USUAL)
+    options = JoiningOptions(recording.model, recording.config, file.joining.names, file.joining.gone_s)
+    return JoiningRun(options, OfflineRun(**vars(recording), asked=recording.named_options()), output)
 
 
 def recording_of(file: RecordingFile) -> Recording:
@@ -78,7 +104,8 @@ def recording_of(file: RecordingFile) -> Recording:
     TrackerError : it is of several bodies.
     """
     if file.model is None:
-        raise TrackerError(f"expected a recording of one body, got several: {', '.join(file.bodies)}")
+        got = ", ".join([*file.bodies, *([] if file.joining is None else file.joining.names)])
+        raise TrackerError(f"expected a recording of one body, got several: {got}")
     rig, model = load_rig(file.rig), load_model(file.model)
     rig = with_sources(rig, file.sources_of(rig.names))
     images, points = file.images, file.keypoints

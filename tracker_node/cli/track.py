@@ -6,20 +6,22 @@ import argparse
 import math
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments.cameras import image_size
 from .arguments.person import add_person_argument, place_of_person
-from .arguments.recording import add_recording_argument, by_body, evaluate_recording, fill_in
+from .arguments.recording import add_recording_argument, by_body, evaluate_recording, fill_in, of_those_who_join
 from .arguments.runs import named_options, nothing_tracked
 from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:
     from ..camera.rig import CameraRig
     from ..loaders.images.source import SourceOptions
+    from ..loaders.recording_yaml import RecordingFile
     from ..runs.joint_states import JointStateFile
-    from ..runs.offline import OfflineRun
+    from ..runs.offline import JoiningRun, OfflineRun
     from ..runs.people.detection import DetectionOptions
     from ..runs.people.recorded import PointFiles
 
@@ -121,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
         raise TrackerError("where the results go: give --output FOLDER")
     bodies = by_body(args, recording)
     if args.from_run_bag is not None:
-        if len(bodies) > 1:
+        if "" not in bodies:
             raise TrackerError("--from-run-bag: expected a run of one body, got a recording of several")
         _as_that_run(args)
     rig = with_sources(load_rig(args.rig), dict(args.source))
@@ -134,8 +136,16 @@ def run(args: argparse.Namespace) -> int:
 
     runs = {name: _offline_run(own, rig) for name, (own, _) in bodies.items()}
     outputs = {name: own.output for name, (own, _) in bodies.items()}
-    summaries = run_together(runs, outputs, None if args.quiet else _Progress(), tell)
+    joining = _joining(args, recording, rig)
+    summaries = run_together(runs, outputs, None if args.quiet else _Progress(), tell, joining)
     statuses = []
+    for name in (name for name in summaries if name not in bodies):
+        _report(summaries[name], args.output / name, args.quiet, told, name)
+        told += summaries[name]["errors"]
+        statuses.append(int(bool(summaries[name]["errors"])))
+    if not summaries:
+        print("track: nobody has come", file=sys.stderr)
+        statuses.append(1)
     for name, (own, alone) in bodies.items():
         summary = summaries[name]
         _report(summary, own.output, args.quiet, told, name)
@@ -180,6 +190,19 @@ def _offline_run(args: argparse.Namespace, rig: CameraRig) -> OfflineRun:
         masked_images=args.masked_images,
         asked=named_options(args),
     )
+
+
+def _joining(args: argparse.Namespace, recording: RecordingFile | None, rig: CameraRig) -> JoiningRun | None:
+    """People who may join."""
+    from ..runs.offline import JoiningRun
+    from ..tracking.joining import USUAL, JoiningOptions
+
+    own = of_those_who_join(args, recording)
+    if own is None or recording is None or recording.joining is None:
+        return None
+    run, entry = _offline_run(own, rig), recording.joining
+    run = run if own.config else replace(run, config=USUAL)
+    return JoiningRun(JoiningOptions(run.model, run.config, entry.names, entry.gone_s), run, args.output)
 
 
 def _as_that_run(args: argparse.Namespace) -> None:

@@ -59,6 +59,8 @@ Lag = Annotated[str | float, checked(f"'auto' or a number of images, at most {MO
 Place = Annotated[
     tuple[float, float, float], checked("a place: [x, y, z] in meters", lambda value: are_numbers(value, 3), floats)
 ]
+_BODY_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_NAME_EXPECTED = "a name of letters, digits and _, beginning with a letter"
 Name = Annotated[str, checked("a name", lambda value: isinstance(value, str) and value.strip())]
 
 
@@ -154,18 +156,33 @@ class BodyEntry(FileModel):
         return self
 
 
+class JoiningEntry(FileModel):
+    """People who come and go: whoever comes is a body ``<name>_1``, ``<name>_2``... like ``model``."""
+
+    model: str
+    config: str | None = None
+    most: Positive = 4
+    name: Annotated[str, checked(_NAME_EXPECTED, lambda value: isinstance(value, str) and _BODY_NAME.fullmatch(value))] = "person"
+    gone_s: PositiveNumber = 2.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all who may join, in the order in which they come."""
+        return tuple(f"{self.name}_{i + 1}" for i in range(self.most))
+
+
 OF_ONE_BODY = ("model", "initial_state", "person", "joint_states", "evaluate")
-_BODY_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 class RecordingFile(FileModel):
-    """A whole recording, of one body (``model``) or of several that are followed together (``bodies``)."""
+    """A whole recording: of one body (``model``), or of several that are followed together, by name or as they come."""
 
     KIND: ClassVar[str] = RECORDING
 
     rig: str
     model: str | None = None
     bodies: dict[str, BodyEntry] = Field(default_factory=dict)
+    joining: JoiningEntry | None = None
     initial_state: str | None = None
     occluders: str | None = None
     config: str | None = None
@@ -183,14 +200,17 @@ class RecordingFile(FileModel):
 
     @model_validator(mode="after")
     def _one_or_several(self) -> RecordingFile:
-        if not self.bodies and self.model is None:
-            raise problem("the body to track, or bodies", "neither", "model")
+        if not self.several and self.model is None:
+            raise problem("the body to track, or bodies, or who is joining", "none of them", "model")
+        joining = () if self.joining is None else self.joining.names
         for name in self.bodies:
             if not _BODY_NAME.fullmatch(name):
-                raise problem("a name of letters, digits and _, beginning with a letter", name, "bodies")
+                raise problem(_NAME_EXPECTED, name, "bodies")
+            if name in joining:
+                raise problem(f"another name than those of people who join ({', '.join(joining)})", name, "bodies")
         for name in OF_ONE_BODY:
-            if self.bodies and getattr(self, name) is not None:
-                raise problem("nothing beside bodies, each of which has its own", getattr(self, name), name)
+            if self.several and getattr(self, name) is not None:
+                raise problem("nothing beside bodies or joining, where each body has its own", getattr(self, name), name)
         return self
 
     @model_validator(mode="after")
@@ -199,16 +219,27 @@ class RecordingFile(FileModel):
             raise problem("no loop where the run is evaluated when it is over", self.loop, "loop")
         return self
 
+    @property
+    def several(self) -> bool:
+        """Whether there may be several bodies, each with a folder, topics and parameters of its own."""
+        return bool(self.bodies) or self.joining is not None
+
     def of_body(self, name: str) -> RecordingFile:
         """The recording with one of its bodies alone, whose results go into a folder of its name."""
         body = self.bodies[name]
         own: dict[str, Any] = {field: getattr(body, field) for field in BodyEntry.model_fields}
-        own |= {"config": body.config or self.config, "output": os.path.join(self.output, name), "bodies": {}}
-        return self.model_copy(update=own)
+        own |= {"config": body.config or self.config, "output": os.path.join(self.output, name)}
+        return self.model_copy(update={**own, "bodies": {}, "joining": None})
+
+    def of_those_who_join(self) -> RecordingFile:
+        """The recording with somebody who joins alone; there is `joining`."""
+        assert self.joining is not None
+        own = {"model": self.joining.model, "config": self.joining.config or self.config}
+        return self.model_copy(update={**own, "bodies": {}, "joining": None})
 
     def each(self) -> dict[str, RecordingFile]:
-        """The recordings of all bodies alone, by name; "" of one that is alone."""
-        return {name: self.of_body(name) for name in self.bodies} or {"": self}
+        """The recordings of all bodies with a name alone; "" of one that is alone."""
+        return {name: self.of_body(name) for name in self.bodies} if self.several else {"": self}
 
     def sources_of(self, cameras: Iterable[str]) -> dict[str, str]:
         """Camera -> source, of the cameras whose sources are named here; a pattern is filled for each of ``cameras``."""
@@ -258,6 +289,9 @@ def located(recording: RecordingFile, path: str | Path) -> RecordingFile:
         changes["joint_states"] = recording.joint_states.model_copy(update={"file": file})
     changes["evaluate"] = _located_evaluation(path, "evaluate", recording.evaluate)
     changes["bodies"] = {name: _located_body(path, f"bodies.{name}", body) for name, body in recording.bodies.items()}
+    if recording.joining is not None:
+        files = {name: _existing(path, f"joining.{name}", getattr(recording.joining, name)) for name in ("model", "config")}
+        changes["joining"] = recording.joining.model_copy(update=files)
     return recording.model_copy(update=changes)
 
 

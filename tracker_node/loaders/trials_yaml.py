@@ -132,6 +132,7 @@ def _trial(file: TrialsFile, name: str, output: Path, path: Path) -> Trial:
         recording = validate(RecordingFile, merged | {"output": str(output / name)}, path)
     except FileFormatError as error:
         raise of_layer(error) from None
+    _check_named(path, f"trials.{name}", recording)
     try:
         return Trial(name, subject, located(recording, path))
     except FileFormatError as error:
@@ -148,7 +149,14 @@ def _from_recording(name: str, subject: str, entry: dict[str, Any], output: Path
         recording = load_recording(path.parent / entry["recording"])
     except TrackerError as error:
         return Trial(name, subject, None, str(error))
+    _check_named(path, f"trials.{name}.recording", recording)
     return Trial(name, subject, recording.model_copy(update={"output": str(output / name), "real_time": False, "loop": False}))
+
+
+def _check_named(path: Path, field: str, recording: RecordingFile) -> None:
+    """The report is about bodies that are the same in all trials."""
+    if recording.joining is not None:
+        raise FileFormatError(path, field, "bodies with names, and nobody who is joining", recording.joining.name)
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:

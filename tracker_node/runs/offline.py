@@ -18,6 +18,7 @@ from ..errors import TrackerError, without_password
 from ..loaders.bag.message_types import KEYPOINTS as KEYPOINTS_MESSAGE
 from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
+from ..loaders.model.model_yaml import dump_model
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.humans.keypoints import KeypointTable
@@ -35,10 +36,10 @@ from .images import run_stream
 from .joint_states import JointStateFile, check_use, load_joint_states, with_joint_states
 from .load import run_info
 from .loop import TrackingLoop
-from .people.detection import DetectionOptions, PeopleDetection
+from .people.detection import AROUND_S, DetectionOptions, PeopleDetection
 from .people.recorded import PointFiles, RecordedPeople, open_recorded_people
 from .recorded_sets import RecordedRunStream
-from .writer import RunWriter, SmoothedWriter, asked_of_run, counted_sets
+from .writer import MODEL, RunWriter, SmoothedWriter, asked_of_run, check_free, counted_sets
 
 Progress = Callable[[int, int | None, TrackEstimate], None]
 
@@ -211,6 +212,8 @@ def run_together(
     run = everybody[0]
     _check_together(runs, joining)
     using = next((each for each in everybody if KEYPOINTS in each.config.modalities), run)
+    if joining is not None:
+        using = replace(using, detection=replace(using.detection, around_s=AROUND_S))
     with ExitStack() as stack:
         stack.enter_context(short_switches())
         reader = stack.enter_context(BagReader(run.bag)) if run.bag else None
@@ -242,6 +245,9 @@ def run_together(
         finally:
             names = list(followers.bodies)
             summaries = {name: body.ended(stream, detection, names) for name, body in followers.bodies.items()}
+        if not summaries:  # nobody has come
+            for sentence in stream.errors:
+                tell(sentence)
     return summaries
 
 
@@ -328,6 +334,8 @@ class _Followers:
         if self._joining is None:
             return None
         run = self._joining.run
+        for name in self._joining.options.names:
+            check_free(self._joining.output / name)
         return Joining(rig, self._joining.options, lambda model, state: self.tracker(run, model, state), self._table)
 
     def take(self, together: Bodies, image_set: ImageSet) -> None:
@@ -336,8 +344,10 @@ class _Followers:
             if name not in self.bodies:
                 assert self._joining is not None
                 tracker = together.trackers[name]
-                run = replace(self._joining.run, model=tracker.model)
-                self._begin(name, run, tracker, self._joining.output / name)
+                output = self._joining.output / name
+                asked = {**self._joining.run.asked, "model": str((output / MODEL).resolve())}
+                self._begin(name, replace(self._joining.run, model=tracker.model, asked=asked), tracker, output)
+                dump_model(tracker.model, output / MODEL, f"{name} as found. Units: meters, degrees.")
             self.bodies[name].take(estimate, image_set)
 
 

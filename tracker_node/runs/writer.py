@@ -37,6 +37,7 @@ from .outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, STRING, Tracked,
 
 BAG, STATES, JOINTS, POSES, SUMMARY = "bag", "states.csv", "joints.csv", "poses.csv", "run.json"
 BODY = "body.yaml"  # as it is seen in images
+MODEL = "model.yaml"  # of somebody who has joined
 SMOOTHED, VELOCITIES, COVARIANCES = "smoothed", "velocities.csv", "covariances.csv"  # a folder, and what is only in it
 FLUSH_EVERY = 30  # image sets
 
@@ -111,6 +112,13 @@ def write_body(folder: Path, model: ArticulatedModel, surfaces: np.ndarray | Non
         dump_model(seen, folder / BODY, f"{seen.name} as it was seen last, with its clothes. Units: meters, degrees.")
 
 
+def check_free(output: Path) -> None:
+    """Raises BagExistsError where a folder holds a run already."""
+    for name in (BAG, STATES, JOINTS, POSES, SUMMARY, BODY):
+        if (output / name).exists():
+            raise BagExistsError(output / name)
+
+
 class RunWriter(Closing):
     """Writes each estimate as it comes; use it in a ``with`` statement.
 
@@ -142,9 +150,7 @@ class RunWriter(Closing):
         requested = ["mask"] * masks + ["masked_image"] * masked_images
         self._of_body, self._of_cameras = recorded(BODY_OUTPUTS, requested), recorded(CAMERA_OUTPUTS, requested)
         self._prefix = "/tracker"  # as the node is called, unless it is renamed
-        for name in (BAG, STATES, JOINTS, POSES, SUMMARY, BODY):
-            if (self.output / name).exists():
-                raise BagExistsError(self.output / name)
+        check_free(self.output)
         self._count = 0
         self._surfaces: np.ndarray | None = None
         with ExitStack() as stack:

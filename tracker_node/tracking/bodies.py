@@ -31,6 +31,7 @@ _IN_TOUCH_M = 0.4  # between landmarks of two people; nearer, a detector mixes u
 _APART_M = 0.3  # roots of two bodies that begin at once
 _NOWHERE = 100.0  # what it costs that a body begins nowhere, meters or information a point
 _NEVER = 1e6
+_REACH_M, _REACH_M_S = 1.0, 3.0  # as far as somebody who was not seen for a moment may have come, and more by the second
 _BY_TROUBLE = (Status.TRACKING, Status.DEGRADED, Status.INITIALIZING, Status.LOST)
 
 
@@ -54,11 +55,14 @@ class Bodies:
         self._named, self._joining = dict(trackers), joining
         self.estimates, self.absent = dict[str, TrackEstimate](), dict[str, TrackEstimate]()
         self._past = deque[tuple[int, dict[str, State]]]()  # stamp and states of the image sets that late points may be of
+        self._last = dict[str, tuple[int, np.ndarray]]()  # stamp and place where a body was last known to be
+        self._now_ns = 0
         self._workers = Workers(at_once)
 
     def estimate(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate all states for one image set; returned is that of whoever is worst off, all are in ``estimates``."""
         self.learn()  # what others look like is as of the set before, whenever somebody has asked for that
+        self._now_ns = image_set.stamp_ns
         if self._joining is not None:
             self._admit(self._joining, image_set)
         sets, names = self.image_sets(image_set), list(self.trackers)
@@ -105,6 +109,7 @@ class Bodies:
     def reset(self) -> None:
         """See `Tracker.reset`."""
         self._past.clear()
+        self._last.clear()
         self.estimates, self.absent = {}, {}
         if self._joining is not None:
             self._joining.reset()
@@ -133,6 +138,8 @@ class Bodies:
         By camera; none, for the whole image, while one of the bodies is not known.
         """
         trackers = [tracker for tracker in self.trackers.values() if KEYPOINTS in tracker.config.modalities]
+        if self._joining is not None and not trackers:
+            return [()] * self._joining.n_cameras
         crops = [tracker.expected_crops(stamp_ns) for tracker in trackers]
         if any(tracker.expected(stamp_ns) is None for tracker in trackers):
             return [()] * len(crops[0])
@@ -140,7 +147,7 @@ class Bodies:
 
     def image_sets(self, image_set: ImageSet) -> dict[str, ImageSet]:
         """The image set as each tracker is to take it: with the others as neighbors, and without the people who are others."""
-        if len(self.trackers) < 2:
+        if len(self.trackers) < 2 and (self._joining is None or not self.trackers):
             return dict.fromkeys(self.trackers, image_set)
         neighbors = {name: tracker.as_neighbor(image_set.stamp_ns) for name, tracker in self.trackers.items()}
         people = self._people_of_each(image_set)
@@ -154,11 +161,11 @@ class Bodies:
         seen = self._seen_by_each(image_set)
         expected = self._expected_of_people(image_set, seen)
         in_touch = self._in_touch(_known(expected))
-        several = sum(state is None for state in expected.values()) > 1
-        owners = self._owners_begun(seen, expected) if several else self._owners(seen, _known(expected))
+        unknown = {name for name, state in expected.items() if state is None}
+        owners = self._owners_begun(seen, expected)
         cameras = next(iter(self.trackers.values())).rig.names
         return {
-            name: tuple(_left(image, cameras, owners, name, name in in_touch) for image in image_set.images)
+            name: tuple(_left(image, cameras, owners, name, name in in_touch, name in unknown) for image in image_set.images)
             for name in self.trackers
         }
 
@@ -180,11 +187,26 @@ class Bodies:
         if not unknown:
             return owners
         free = {name: _without(seen[name], owners, "") for name in unknown}
-        expected |= _begun({name: self.trackers[name].candidates(free[name]) for name in unknown})
+        taken = list(_known(expected).values())  # one person may be found twice in an image
+        candidates = {name: self.trackers[name].candidates(free[name]) for name in unknown}
+        expected |= _begun({
+            name: [(state, cost) for state, cost in found if _are_apart(state, taken) and self._in_reach(name, state)]
+            for name, found in candidates.items()
+        })  # fmt: skip
         return self._owners(seen, _known(expected))
 
+    def _in_reach(self, name: str, state: State) -> bool:
+        """Whether a body that has been LOST for a while can be there by now; else somebody else is, if people may join."""
+        if self._joining is None or name not in self._last:
+            return True
+        last_ns, place = self._last[name]
+        far = np.linalg.norm(state.T_world_root[:3, 3] - place)
+        return bool(far <= _REACH_M + _REACH_M_S * 1e-9 * max(self._now_ns - last_ns, 0))
+
     def _remember(self, stamp_ns: int) -> None:
-        self._past.append((stamp_ns, {name: each.state for name, each in self.estimates.items() if each.status.known}))
+        known = {name: each.state for name, each in self.estimates.items() if each.status.known}
+        self._past.append((stamp_ns, known))
+        self._last |= {name: (stamp_ns, state.T_world_root[:3, 3]) for name, state in known.items()}
         while stamp_ns - self._past[0][0] > 1e9 * MOST_LATE_S:
             self._past.popleft()
 
@@ -243,15 +265,15 @@ def _others(neighbors: Mapping[str, Neighbor | None], name: str) -> tuple[Neighb
 
 
 def _left(
-    image: CameraImage, cameras: Sequence[str], owners: Sequence[dict[int, str]], name: str, in_touch: bool
+    image: CameraImage, cameras: Sequence[str], owners: Sequence[dict[int, str]], name: str, in_touch: bool, own_only: bool
 ) -> CameraImage:
-    """The image without the people who are other bodies, or without any."""
-    if not image.people or not owners:
+    """The image without the people who are other bodies, or (``own_only``) who are nobody's, or without any."""
+    if not image.people or not (owners or own_only):
         return image
     if in_touch:
         return replace(image, people=() if image.people_stamp_ns is None else None, people_stamp_ns=None)
-    owned = owners[cameras.index(image.camera)]
-    return replace(image, people=tuple(person for k, person in enumerate(image.people) if owned.get(k, name) == name))
+    owned, nobodys = owners[cameras.index(image.camera)] if owners else {}, "" if own_only else name
+    return replace(image, people=tuple(person for k, person in enumerate(image.people) if owned.get(k, nobodys) == name))
 
 
 def _people_stamp_ns(image_set: ImageSet) -> int | None:
@@ -273,11 +295,15 @@ def _without(seen: PeopleSeen, owners: Sequence[dict[int, str]], name: str) -> P
 def _begun(candidates: Mapping[str, Sequence[tuple[State, float]]]) -> dict[str, State | None]:
     """Where each of several bodies begins, such that no two begin in one place and all together suit best."""
     choices = [[*found, (None, _NOWHERE)] for found in candidates.values()]
-    apart = [chosen for chosen in product(*choices) if _are_apart([state for state, _ in chosen])]
+    apart = [chosen for chosen in product(*choices) if _all_apart([state for state, _ in chosen if state is not None])]
     best = min(apart, key=lambda chosen: sum(cost for _, cost in chosen))
     return {name: state for name, (state, _) in zip(candidates, best, strict=True)}
 
 
-def _are_apart(states: Sequence[State | None]) -> bool:
-    roots = [state.T_world_root[:3, 3] for state in states if state is not None]
-    return all(np.linalg.norm(a - b) > _APART_M for i, a in enumerate(roots) for b in roots[:i])
+def _all_apart(states: Sequence[State]) -> bool:
+    return all(_are_apart(state, states[:i]) for i, state in enumerate(states))
+
+
+def _are_apart(state: State, others: Sequence[State]) -> bool:
+    place = state.T_world_root[:3, 3]
+    return all(np.linalg.norm(place - other.T_world_root[:3, 3]) > _APART_M for other in others)

@@ -13,7 +13,7 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..observation.image_set import ImageSet
-from .config import KEYPOINTS, TrackerConfig
+from .config import KEYPOINTS, REGION, TrackerConfig
 from .estimate import Status, TrackEstimate, unknown_estimate
 from .keypoints.body_from_points import body_from_points
 from .keypoints.late import LatePoints
@@ -25,6 +25,7 @@ _APART_M = 0.5  # of the middle of somebody new from those who are tracked: near
 _SAME_M = 1.0  # between the places of one person in two looks...
 _LOOKS_NS = (100_000_000, 1_500_000_000)  # ...which lie so far apart: who is seen once may be a picture on a wall
 _LEAST_POINTS = 16  # of a person that meet in space
+USUAL = TrackerConfig(modalities=(REGION, KEYPOINTS))  # parameters of people who join, where none are given
 NOBODY_YET = "nobody has come yet"
 
 
@@ -36,8 +37,7 @@ class JoiningOptions:
     ----------
     model : whoever comes is like it; the lengths are found from the points.
     config : parameters of their trackers.
-    most : people who may join, all together.
-    name : of their bodies, with a number behind it.
+    names : of the bodies of all who may join, in the order in which they come.
     gone_s : a body that is LOST for so long has left; who comes later is somebody else.
 
     Raises
@@ -47,19 +47,13 @@ class JoiningOptions:
 
     model: ArticulatedModel
     config: TrackerConfig
-    most: int = 4
-    name: str = "person"
+    names: tuple[str, ...] = ("person_1", "person_2", "person_3", "person_4")
     gone_s: float = 2.0
 
     def __post_init__(self) -> None:
         if KEYPOINTS not in self.config.modalities:
             names = ", ".join(self.config.modalities)
             raise TrackerError(f"people who join are found by points: expected keypoints among the modalities, got {names}")
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of all who may join, in the order in which they come."""
-        return tuple(f"{self.name}_{i + 1}" for i in range(self.most))
 
 
 class Joining:
@@ -98,6 +92,11 @@ class Joining:
         """Have those who joined another, with new trackers that know nothing yet."""
         self.trackers = {name: self._make(tracker.model, None) for name, tracker in other.trackers.items()}
         self._left, self._lost_since_ns, self._looks = other._left, other._lost_since_ns, other._looks
+
+    @property
+    def n_cameras(self) -> int:
+        """Of the rig."""
+        return len(self._rig)
 
     @property
     def _free(self) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -152,7 +153,7 @@ def _aimed(name: str, place: np.ndarray, points: np.ndarray, rng: np.random.Gene
     return View(name, np.round(K, 1), pose, SIZE)
 
 
-def write_recording(stage: Stage, folder: Path, code: str) -> None:
+def write_recording(stage: Stage, folder: Path, code: str, seen: Mapping[str, range] | None = None) -> None:
     """Draw a recording: rig.yaml, cam01..cam05 with a JPEG an image set, PERSON/static.trc and truth.trc, clip.json.
 
     Parameters
@@ -160,6 +161,7 @@ def write_recording(stage: Stage, folder: Path, code: str) -> None:
     stage : what to draw.
     folder : made if it is missing; images in it are replaced.
     code : kept in clip.json, which is written last.
+    seen : by person, the image sets in which there is one; None: in all.
     """
     for name in (*PEOPLE, *(view.name for view in stage.views)):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -168,7 +170,7 @@ def write_recording(stage: Stage, folder: Path, code: str) -> None:
         write_markers(np.array([pose.markers for pose in poses]), folder / name / "truth.trc")
         t_pose = Poser(person.body).t_pose().markers @ _FACING.T
         write_markers(np.repeat(t_pose[None], _STATIC_ROWS, axis=0), folder / name / "static.trc")
-    _write_images(stage, folder)
+    _write_images(stage, folder, seen or dict.fromkeys(PEOPLE, range(N_SETS)))
     told = {
         "seed": stage.seed, "bodies": [person.body.name for person in stage.people.dressed], "rate_hz": RATE_HZ, "sets": N_SETS,
         "phases": PHASES, "code": code,
@@ -176,15 +178,20 @@ def write_recording(stage: Stage, folder: Path, code: str) -> None:
     (folder / "clip.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
 
 
-def _write_images(stage: Stage, folder: Path) -> None:
+def _write_images(stage: Stage, folder: Path, seen: Mapping[str, range]) -> None:
     scenes = [draw_empty_scene(stage.room, view.K, view.T_world_cam, view.size) for view in stage.views]
     sensors = [
         draw_sensor(scene.ambient + scene.by_lamp.sum(axis=0), np.random.default_rng([12, stage.seed, number]))
         for number, scene in enumerate(scenes)
     ]
+    together: dict[tuple[int, ...], Crowd] = {}
     for i in range(N_SETS):
-        now = moment(stage.people, [poses[i] for poses in stage.poses], stage.room, _FOLDS_PER_SET * i)
+        here = tuple(person for person, name in enumerate(PEOPLE) if i in seen[name])
+        people = together[here] = together.get(here) or crowd([stage.people.dressed[person] for person in here]) if here else None
+        now = None if people is None else moment(people, [stage.poses[p][i] for p in here], stage.room, _FOLDS_PER_SET * i)
         for number, (view, scene, sensor) in enumerate(zip(stage.views, scenes, sensors, strict=True)):
-            light = draw_people(scene, stage.room, stage.people, now, view.matrix)
+            light = scene.ambient + scene.by_lamp.sum(axis=0)
+            if people is not None and now is not None:
+                light = draw_people(scene, stage.room, people, now, view.matrix)
             image = sensor.develop(light, np.random.default_rng([13, stage.seed, number, i]))
             sensor.write(image, folder / view.name / f"{i:04d}.jpg")

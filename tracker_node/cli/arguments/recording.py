@@ -57,7 +57,7 @@ def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingF
     for name, value in values.items():
         if hasattr(args, name) and getattr(args, name) is None:
             setattr(args, name, value)
-    several = recording is not None and bool(recording.bodies)
+    several = recording is not None and recording.several
     if args.rig is None or (args.model is None and not several):
         raise TrackerError("what is tracked: give a recording.yaml, or --rig and --model")
     for name, (own, of_body) in by_body(args, recording).items():
@@ -81,7 +81,7 @@ def by_body(
 
     Returns
     -------
-    By the name of the body; "" where there is only one.
+    By the name of the body, without those who join; "" where there is only one.
 
     Raises
     ------
@@ -90,11 +90,11 @@ def by_body(
     from ...errors import TrackerError
     from ...loaders.recording_yaml import OF_ONE_BODY
 
-    if recording is None or not recording.bodies:
+    if recording is None or not recording.several:
         return {"": (args, recording)}
     for name in OF_ONE_BODY:
         if getattr(args, name, None) is not None:
-            bodies = ", ".join(recording.bodies)
+            bodies = ", ".join(recording.bodies) or "those who join"
             raise TrackerError(f"--{name.replace('_', '-')}: expected nothing beside several bodies ({bodies})")
     found: dict[str, tuple[argparse.Namespace, RecordingFile | None]] = {}
     for name, entry in recording.bodies.items():
@@ -102,11 +102,31 @@ def by_body(
         own = argparse.Namespace(**vars(args))
         own.model, own.person = Path(entry.model), None if entry.person is None else list(entry.person)
         own.initial_state = None if entry.initial_state is None else Path(entry.initial_state)
-        given = args.config if args.config != (recording.config and Path(recording.config)) else None
-        own.config = given or (Path(entry.config) if entry.config else args.config)
+        own.config = _config(args, recording, entry.config)
         own.output = None if args.output is None else Path(args.output) / name
         found[name] = own, alone
     return found
+
+
+def of_those_who_join(args: argparse.Namespace, recording: RecordingFile | None) -> argparse.Namespace | None:
+    """The command line as if somebody who joins were alone; None where nobody may.
+
+    Parameters
+    ----------
+    args, recording : of `fill_in`.
+    """
+    if recording is None or recording.joining is None:
+        return None
+    own = argparse.Namespace(**vars(args))
+    own.model, own.config = Path(recording.joining.model), _config(args, recording, recording.joining.config)
+    own.person = own.initial_state = None
+    return own
+
+
+def _config(args: argparse.Namespace, recording: RecordingFile, of_body: str | None) -> Path | None:
+    """Parameters of a body: the command line's go before its own, and those before the recording's."""
+    given: Path | None = args.config if args.config != (recording.config and Path(recording.config)) else None
+    return given or (Path(of_body) if of_body else args.config)
 
 
 def _values(recording: RecordingFile) -> dict[str, Any]:

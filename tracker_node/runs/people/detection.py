@@ -25,6 +25,7 @@ from ...observation.keypoints.people import People, Person, checked
 from ...parallel import Workers
 from ...tracking.config import KEYPOINTS, TrackerConfig
 
+AROUND_S = 0.3  # between searches of whole images where people may join, who are known after two
 _SAME = 0.1  # median distance of points, as a fraction of a person's size, within which two are one
 _TRIAL = np.zeros((64, 64, 3), np.uint8)  # shows nobody
 
@@ -47,7 +48,7 @@ class Detector(Protocol):
         ...
 
 
-def people_in(detector: Detector, image: np.ndarray, crops: Sequence[Crop]) -> tuple[People, bool]:
+def people_in(detector: Detector, image: np.ndarray, crops: Sequence[Crop], around: bool = False) -> tuple[People, bool]:
     """People where bodies are expected; where nobody is, in the whole image. Live and offline look by this rule.
 
     Parameters
@@ -55,15 +56,18 @@ def people_in(detector: Detector, image: np.ndarray, crops: Sequence[Crop]) -> t
     detector : looks.
     image : (height, width, 3) BGR.
     crops : where bodies are expected; empty: anywhere.
+    around : look in the whole image for others too, such as people who have come in.
 
     Returns
     -------
     people : in no particular order, each once.
-    expected : whether they are in the crops.
+    expected : whether there are some in the crops.
     """
     image = np.ascontiguousarray(image)
     people = detector.detect(image, crops) if crops else ()
-    return (distinct(people), True) if people else (detector.detect(image), False)
+    if not people:
+        return detector.detect(image), False
+    return distinct((*people, *detector.detect(image)) if around else people), True
 
 
 def distinct(people: People) -> People:
@@ -75,6 +79,25 @@ def distinct(people: People) -> People:
         if min(apart, default=1.0) > _SAME:
             found.append(person)
     return tuple(found)
+
+
+class Around:
+    """When whole images are searched again, by their stamps.
+
+    Parameters
+    ----------
+    period_s : so often; None: never.
+    """
+
+    def __init__(self, period_s: float | None):
+        self._period_ns, self._last_ns = None if period_s is None else round(1e9 * period_s), 0
+
+    def due(self, stamp_ns: int) -> bool:
+        """Whether it is time to; a stamp that goes back begins anew."""
+        if self._period_ns is None or 0 <= stamp_ns - self._last_ns < self._period_ns:
+            return False
+        self._last_ns = stamp_ns
+        return True
 
 
 class Expecting(Protocol):
@@ -91,11 +114,13 @@ class DetectionOptions:
     ----------
     weights : of the network that finds points, such as those of ``heavy``; None: ``full``, which is fetched.
     every_sets : look at every n-th image set; the others go by what else is compared.
+    around_s : so often whole images are searched for people who have come in; None: only while a body is not known.
     make : makes another detector, one for each thread; None: BlazePose.
     """
 
     weights: Path | None = None
     every_sets: int = 1
+    around_s: float | None = None
     make: Callable[[], Detector] | None = None
 
     def __post_init__(self):
@@ -135,7 +160,7 @@ class PeopleDetection:
         self._idle: SimpleQueue[Detector] = SimpleQueue()
         for detector in _detectors(options, min(config.threads, len(rig))):
             self._idle.put(detector)
-        self._count, self._last_ns = 0, 0
+        self._count, self._last_ns, self._around = 0, 0, Around(options.around_s)
         self.ms: list[float] = []
 
     def with_people(self, tracker: Expecting, image_set: ImageSet) -> ImageSet:
@@ -157,16 +182,17 @@ class PeopleDetection:
         if turn or all(image.people is not None for image in image_set.images):
             return image_set
         crops = dict(zip(self._names, tracker.expected_crops(image_set.stamp_ns), strict=True))
-        found = self._workers.map(lambda image: self._looked_at(image, crops.get(image.camera, ())), image_set.images)
+        around = self._around.due(image_set.stamp_ns)
+        found = self._workers.map(lambda image: self._looked_at(image, crops.get(image.camera, ()), around), image_set.images)
         self.ms += [ms for _, ms in found if ms is not None]
         return replace(image_set, images=tuple(image for image, _ in found))
 
-    def _looked_at(self, image: CameraImage, crops: Sequence[Crop]) -> tuple[CameraImage, float | None]:
+    def _looked_at(self, image: CameraImage, crops: Sequence[Crop], around: bool) -> tuple[CameraImage, float | None]:
         if image.people is not None:
             return image, None
         detector, began = self._idle.get(), time.perf_counter()
         try:
-            people, _ = people_in(detector, image.bgr, crops)
+            people, _ = people_in(detector, image.bgr, crops, around)
         finally:
             self._idle.put(detector)
         usable = tuple(checked(person) for person in people)
