@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""People who come into a room and leave it, followed without being named: rendered, clothed, by the network's points and outlines.
+"""People who come into a room and leave it, followed without being named: rendered, clothed, by the network's points and lines.
 
-The clips are those of `multi.py` (two people who pass each other closely, embrace and part), with nobody in the room at first: one
-person is there from image set 10 on, the other from 36 (they have passed) to 135 (they have parted), both out of nothing, as if
-through a door. ``joining.bodies``: bodies that were begun, of two people a clip. ``joining.found_s``: longest time from being there
-until being TRACKING. ``joining.gone_s``: longest time from being away until being LOST. ``joining.swaps``: image sets in which a
-body is nearer to the other person. ``joining.lost_limbs``, ``joining.mpjpe12_mm``: as in ``crossing.*``, of bodies whose lengths were
-found from one image set; ``joining.missed_sets``: image sets of a person who is there, a second after coming, without a state.
+The clips are those of `multi.py` (two people who pass each other closely, embrace and part), with nobody in the room at first.
+One person is there from image set 10 on, the other from 36 (they have passed) to 135 (they have parted), both out of nothing, as
+if through a door.
+
+``joining.bodies``: bodies that were begun, of two people a clip. ``joining.found_s``: longest time from being there until being
+TRACKING. ``joining.gone_s``: longest time from being away until being LOST. ``joining.swaps``: image sets in which a body is
+nearer to the other person. ``joining.lost_limbs``, ``joining.mpjpe12_mm``: as in ``crossing.*``, of bodies whose lengths were
+found from one image set. ``joining.missed_sets``: image sets of a person who is there, a second after coming, without a state.
 
 ``tracker_node track`` does the same with ``joining:`` in recording.yaml; the run folders are kept beside the clip.
 """

@@ -49,7 +49,7 @@ from tracker_node.render.overlay import draw_overlay
 from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.bodies import Bodies, shared_threads
-from tracker_node.tracking.config import TrackerConfig
+from tracker_node.tracking.config import KEYPOINTS, TrackerConfig
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
@@ -205,7 +205,7 @@ def followed(
             trackers[name].reinitialize(start)
     together, found, times = Bodies(trackers, at_once), {name: [] for name in bodies}, []
     for image_set in sets:
-        seen, _ = people.with_people(together, image_set)
+        seen = people.with_people(together, image_set)[0] if KEYPOINTS in config.modalities else image_set
         with short_switches():  # as in a run
             began = time.perf_counter()
             together.estimate(seen)

@@ -155,6 +155,42 @@ def test_mistakes_in_several_bodies(folder, right):
     assert expected in str(caught.value) and (not field or caught.value.field == field)
 
 
+JOINING = BODIES + "joining: {model: person.yaml, most: 2, name: man, gone_s: 3}\n"
+
+
+def test_people_who_join(folder):
+    for name in ("config.yaml", "own.yaml"):
+        (folder / name).write_text("")
+    recording = load_recording(written(folder, JOINING))
+    assert recording.several and list(recording.each()) == ["man", "woman"]
+    assert recording.joining.names == ("man_1", "man_2") and recording.joining.gone_s == 3.0
+    alone = recording.of_those_who_join()
+    assert (alone.model, alone.config) == (str(folder / "person.yaml"), str(folder / "config.yaml"))
+    nobody = "rig: rig.yaml\noutput: run\njoining: {model: person.yaml}\n"
+    assert load_recording(written(folder, nobody)).each() == {}
+
+
+JOINING_MISTAKES = {
+    "  man: {model": ("  man_2: {model", "bodies", "another name than those of people who join (man_1, man_2)"),
+    "joining: {model: person.yaml": ("joining: {model: else.yaml", "joining.model", "an existing file"),
+    "most: 2": ("most: 0", "joining.most", "a whole number, 1 or more"),
+    "name: man": ("name: 2 men", "joining.name", "a name of letters, digits and _"),
+    "gone_s: 3": ("gone_s: -1", "joining.gone_s", "a positive number"),
+    "joining:": ("model: person.yaml\njoining:", "model", "nothing beside bodies or joining"),
+}
+
+
+@pytest.mark.parametrize("right", JOINING_MISTAKES)
+def test_mistakes_in_people_who_join(folder, right):
+    for name in ("config.yaml", "own.yaml"):
+        (folder / name).write_text("")
+    wrong, field, expected = JOINING_MISTAKES[right]
+    assert JOINING.count(right) == 1
+    with pytest.raises(FileFormatError) as caught:
+        load_recording(written(folder, JOINING.replace(right, wrong)))
+    assert expected in str(caught.value) and caught.value.field == field
+
+
 def test_a_loop_is_not_evaluated_whichever_body_asks_for_it(folder):
     (folder / "config.yaml").write_text("")
     (folder / "own.yaml").write_text("")

@@ -83,6 +83,10 @@ def joining_of(file: RecordingFile, output: Path) -> JoiningRun | None:
     file : the content.
     output : folder; the run of who joins goes into a folder of its name there.
 
+    Returns
+    -------
+    See `JoiningRun`.
+
     Raises
     ------
     FileFormatError : naming file and field.

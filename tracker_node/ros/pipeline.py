@@ -136,6 +136,11 @@ class Progress:
         self.status, self.residual = Status(message.status), f"{message.residual:.1f} {message.residual_unit}"
         self.statuses[self.status] += 1
 
+    @property
+    def came(self) -> bool:
+        """Whether the body was ever known; there are seats for people who may join."""
+        return any(n for status, n in self.statuses.items() if status.known)
+
     def line(self, n_expected: int | None) -> str:
         elapsed_s = time.monotonic() - self.first_s if self.first_s else 0.0
         rate = (self.sets - 1) / elapsed_s if elapsed_s > 0 else 0.0
@@ -245,7 +250,8 @@ class Pipeline:
 
     def _show(self, last: bool = False) -> None:
         now, terminal = time.monotonic(), sys.stderr.isatty()
-        progress = list(self.progress.values())[-1]
+        each = list(self.progress.values())
+        progress = next((one for one in each if one.status.known), each[-1])
         if not progress.sets or (not last and now - self._shown_s < (0.2 if terminal else 5.0)):
             return
         self._shown_s = now
@@ -318,6 +324,7 @@ def run_pipeline(options: PipelineOptions) -> tuple[int, dict[str, Progress], bo
             node.destroy_node()
     if options.folder is not None:
         counted = {name: counted_sets(progress.statuses) for name, progress in pipeline.progress.items()}
-        summary = {**list(counted.values())[-1], **options.summary}
+        came = [counted[name] for name, progress in pipeline.progress.items() if progress.came] or list(counted.values())
+        summary = {**came[-1], **options.summary}
         write_summary(options.folder, summary | ({"bodies": counted} if options.bodies else {}))
     return status, pipeline.progress, pipeline.interrupted

@@ -18,7 +18,6 @@ from ..errors import TrackerError, without_password
 from ..loaders.bag.message_types import KEYPOINTS as KEYPOINTS_MESSAGE
 from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
-from ..loaders.model.model_yaml import dump_model
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.humans.keypoints import KeypointTable
@@ -39,7 +38,7 @@ from .loop import TrackingLoop
 from .people.detection import AROUND_S, DetectionOptions, PeopleDetection
 from .people.recorded import PointFiles, RecordedPeople, open_recorded_people
 from .recorded_sets import RecordedRunStream
-from .writer import MODEL, RunWriter, SmoothedWriter, asked_of_run, check_free, counted_sets
+from .writer import MODEL, RunWriter, SmoothedWriter, asked_of_run, check_free, counted_sets, write_joined
 
 Progress = Callable[[int, int | None, TrackEstimate], None]
 
@@ -347,7 +346,7 @@ class _Followers:
                 output = self._joining.output / name
                 asked = {**self._joining.run.asked, "model": str((output / MODEL).resolve())}
                 self._begin(name, replace(self._joining.run, model=tracker.model, asked=asked), tracker, output)
-                dump_model(tracker.model, output / MODEL, f"{name} as found. Units: meters, degrees.")
+                write_joined(output, tracker.model, name)
             self.bodies[name].take(estimate, image_set)
 
 

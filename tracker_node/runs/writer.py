@@ -112,6 +112,18 @@ def write_body(folder: Path, model: ArticulatedModel, surfaces: np.ndarray | Non
         dump_model(seen, folder / BODY, f"{seen.name} as it was seen last, with its clothes. Units: meters, degrees.")
 
 
+def write_joined(folder: Path, model: ArticulatedModel, name: str) -> None:
+    """Write `MODEL`, the body of somebody who has joined.
+
+    Parameters
+    ----------
+    folder : of the run, made if it is missing.
+    model, name : the body, with lengths found from points; and what it was called.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    dump_model(model, folder / MODEL, f"{name} as found. Units: meters, degrees.")
+
+
 def check_free(output: Path) -> None:
     """Raises BagExistsError where a folder holds a run already."""
     for name in (BAG, STATES, JOINTS, POSES, SUMMARY, BODY):

@@ -15,6 +15,7 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from ..model.articulated import ArticulatedModel
 from ..model.configuration import State, configured
 from ..model.neighbors import Neighbor
 from ..observation.image_set import CameraImage, ImageSet
@@ -72,12 +73,19 @@ class Bodies:
         if self._joining is not None:
             self._joining.dismiss(self.estimates)
             self.absent = self._joining.absent(image_set.stamp_ns)
-        return max((self.estimates or self.absent).values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status))
+        said = max if self.estimates else min  # to have left is no trouble
+        return said((self.estimates or self.absent).values(), key=lambda estimate: _BY_TROUBLE.index(estimate.status))
 
     @property
     def trackers(self) -> dict[str, Tracker]:
         """By the name of the body, also of who has joined and not left."""
         return self._named if self._joining is None else {**self._named, **self._joining.trackers}
+
+    @property
+    def models(self) -> dict[str, ArticulatedModel]:
+        """By the name of the body, also of all who may join."""
+        named = {name: tracker.model for name, tracker in self._named.items()}
+        return named if self._joining is None else named | self._joining.models
 
     def keep_joined(self, other: Bodies) -> None:
         """Those who have joined others are here too.
@@ -127,7 +135,7 @@ class Bodies:
             tracker.reinitialize(near)
 
     def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]:
-        """Where a detector of people should look for those of the bodies that go by points; there is one at least.
+        """Where a detector of people should look for those of the bodies that go by points.
 
         Parameters
         ----------
@@ -138,11 +146,9 @@ class Bodies:
         By camera; none, for the whole image, while one of the bodies is not known.
         """
         trackers = [tracker for tracker in self.trackers.values() if KEYPOINTS in tracker.config.modalities]
-        if self._joining is not None and not trackers:
-            return [()] * self._joining.n_cameras
+        if not trackers or any(tracker.expected(stamp_ns) is None for tracker in trackers):
+            return [()] * len(next(iter(self.trackers.values())).rig if self._joining is None else self._joining.rig)
         crops = [tracker.expected_crops(stamp_ns) for tracker in trackers]
-        if any(tracker.expected(stamp_ns) is None for tracker in trackers):
-            return [()] * len(crops[0])
         return [tuple(crop for each in of_camera for crop in each) for of_camera in zip(*crops, strict=True)]
 
     def image_sets(self, image_set: ImageSet) -> dict[str, ImageSet]:

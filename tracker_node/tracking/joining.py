@@ -70,6 +70,7 @@ class Joining:
 
     Attributes
     ----------
+    rig : the same.
     trackers : of those who are here, by name.
     """
 
@@ -77,14 +78,14 @@ class Joining:
         self, rig: CameraRig, options: JoiningOptions, make: Callable[[ArticulatedModel, State | None], Tracker],
         table: KeypointTable | None = None,
     ):  # fmt: skip
-        self._rig, self._options, self._make, self._table = rig, options, make, table or BLAZEPOSE
+        self.rig, self._options, self._make, self._table = rig, options, make, table or BLAZEPOSE
         self._points = LatePoints(rig, options.model, self._table)
         self.reset()
 
     def reset(self) -> None:
         """Nobody has come."""
         self.trackers: dict[str, Tracker] = {}
-        self._left: dict[str, tuple[State, str]] = {}  # by name, where they were last, and why they are not here
+        self._left: dict[str, tuple[ArticulatedModel, State]] = {}  # by name, and where they were last
         self._lost_since_ns: dict[str, int] = {}
         self._looks: list[tuple[int, np.ndarray]] = []  # stamps and places of people who may be new
 
@@ -94,9 +95,10 @@ class Joining:
         self._left, self._lost_since_ns, self._looks = other._left, other._lost_since_ns, other._looks
 
     @property
-    def n_cameras(self) -> int:
-        """Of the rig."""
-        return len(self._rig)
+    def models(self) -> dict[str, ArticulatedModel]:
+        """By the name of the body, of all who may join: those who have come have lengths of their own."""
+        known = {name: tracker.model for name, tracker in self.trackers.items()} | {n: m for n, (m, _) in self._left.items()}
+        return {name: known.get(name, self._options.model) for name in self._options.names}
 
     @property
     def _free(self) -> list[str]:
@@ -123,16 +125,16 @@ class Joining:
         if not free or sum(bool(persons) for persons in people) < 2:
             return False
         self._looks = [look for look in self._looks if stamp_ns - look[0] <= _LOOKS_NS[1]]
-        places = _places(grouped(self._rig, people), others)
+        places = _places(grouped(self.rig, people), others)
         new = next((place for place in places if self._seen_before(stamp_ns, place)), None)
         self._looks += [(stamp_ns, place) for place in places]
         if new is None:
             return False
         try:
-            fit = body_from_points(self._options.model, self._rig, [people], self._table, self._options.config, new)
+            fit = body_from_points(self._options.model, self.rig, [people], self._table, self._options.config, new)
         except TrackerError:  # no body is like that
             return False
-        if np.linalg.norm(fit.states[0].T_world_root[:3, 3] - new) > _APART_M:
+        if np.linalg.norm((fit.states[0].T_world_root[:3, 3] - new)[:2]) > _APART_M:  # of whose points many are of the face
             return False
         self.trackers[free[0]] = self._make(fit.model, fit.states[0])
         self._looks = [look for look in self._looks if np.linalg.norm(look[1] - new) > _SAME_M]
@@ -150,7 +152,7 @@ class Joining:
         ----------
         estimates : of an image set, by the name of the body.
         """
-        for name in list(self.trackers):
+        for name, tracker in list(self.trackers.items()):
             estimate = estimates[name]
             if estimate.status is not Status.LOST:
                 self._lost_since_ns.pop(name, None)
@@ -158,7 +160,7 @@ class Joining:
             since_ns = self._lost_since_ns.setdefault(name, estimate.stamp_ns)
             if estimate.stamp_ns - since_ns >= 1e9 * self._options.gone_s:
                 del self.trackers[name]
-                self._left[name] = estimate.state, f"has left: LOST for {self._options.gone_s:g} s"
+                self._left[name] = tracker.model, estimate.state
 
     def absent(self, stamp_ns: int) -> dict[str, TrackEstimate]:
         """What is to be said of those who have not come yet (INITIALIZING), and who have left (LOST where they were last).
@@ -170,9 +172,11 @@ class Joining:
         found, neutral = {}, State.neutral(self._options.model)
         for name in self._options.names:
             if name not in self.trackers:
-                state, reason = self._left.get(name, (neutral, NOBODY_YET))
-                status = Status.LOST if name in self._left else Status.INITIALIZING
-                found[name] = unknown_estimate(stamp_ns, reason, state, self._rig.names, 0.0, status)
+                has_left = name in self._left
+                status = Status.LOST if has_left else Status.INITIALIZING
+                reason = f"has left: LOST for {self._options.gone_s:g} s" if has_left else NOBODY_YET
+                state = self._left[name][1] if has_left else neutral
+                found[name] = unknown_estimate(stamp_ns, reason, state, self.rig.names, 0.0, status)
         return found
 
 

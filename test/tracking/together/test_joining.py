@@ -29,7 +29,7 @@ def here(x, i):
     return standing(x, 0.01 * i - 0.3, 0.5 * np.pi, left_shoulder_elevation_front=20.0 * np.sin(0.2 * i))
 
 
-def shot(i, *places, cameras=range(len(RIG)), **body):
+def shot(i, *places, cameras=(0, 1, 2, 3), **body):
     """People at places, as cameras see them, in an order that changes."""
     rng, found = np.random.default_rng(i), [[] for _ in RIG]
     for x in places:
@@ -41,7 +41,9 @@ def shot(i, *places, cameras=range(len(RIG)), **body):
 
 def room(named=(), **options):
     """Bodies with these names, and whoever comes."""
-    joining = Joining(RIG, JoiningOptions(HUMAN, POINTS_ALONE, NAMES, **options), lambda m, s: Tracker(RIG, m, POINTS_ALONE, None, s))
+    joining = Joining(
+        RIG, JoiningOptions(HUMAN, POINTS_ALONE, NAMES, **options), lambda m, s: Tracker(RIG, m, POINTS_ALONE, None, s)
+    )
     return Bodies({name: Tracker(RIG, HUMAN, POINTS_ALONE) for name in named}, joining=joining)
 
 

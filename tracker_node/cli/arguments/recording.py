@@ -109,11 +109,15 @@ def by_body(
 
 
 def of_those_who_join(args: argparse.Namespace, recording: RecordingFile | None) -> argparse.Namespace | None:
-    """The command line as if somebody who joins were alone; None where nobody may.
+    """The command line as if somebody who joins were alone.
 
     Parameters
     ----------
     args, recording : of `fill_in`.
+
+    Returns
+    -------
+    None where nobody may join.
     """
     if recording is None or recording.joining is None:
         return None

@@ -45,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tracker", nargs="*", default=["tracker"], metavar="NODE",
         help="whose crops say where to search: nodes, and NODE/BODY of one with several bodies (default: tracker; nothing: none)",
     )
+    parser.add_argument(
+        "--joining", nargs="*", default=[], metavar="NODE/BODY",
+        help="bodies of people who come and go: whole images are searched every 0.3 s, too, for who has come in",
+    )  # fmt: skip
     parser.add_argument("--config", metavar="FILE", help="tracker parameters: how images are matched (default: built in)")
 
 
@@ -82,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
         name=detector_name(args.weights),
         synchronizer=config.synchronizer,
         trackers=tuple(name for name in args.tracker if name),
+        joining=tuple(args.joining),
         compressed=args.compressed,
         rate_hz=args.rate,
         lossless=args.lossless,

@@ -91,7 +91,9 @@ def run(args: argparse.Namespace) -> int:
         raise TrackerError(f"--bag {args.bag}: there is something already")
     folder = run_of_bag(args.bag) if args.bag else None
     asked = {name: value for name, value in named_options(args).items() if name != "bag"}  # images come from no bag
-    bodies = tuple(recording.bodies) if recording is not None else ()
+    named = tuple(recording.bodies) if recording is not None else ()
+    joining = () if recording is None or recording.joining is None else recording.joining.names
+    bodies = (*named, *joining)
     options = PipelineOptions(
         bodies=bodies,
         body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
@@ -104,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         masked_images=args.masked_images,
         markers=args.markers,
         images=args.images,
-        detector=_detector_options(args, list(opened.cameras), bodies, KEYPOINTS in config.modalities),
+        detector=_detector_options(args, list(opened.cameras), named, joining, KEYPOINTS in config.modalities),
         recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
         lossless=not args.real_time,
         n_expected=n_sets,
@@ -114,6 +116,8 @@ def run(args: argparse.Namespace) -> int:
     )
     status, of_bodies, interrupted = run_pipeline(options)
     for name, progress in of_bodies.items():
+        if name in joining and not progress.came:
+            continue
         counts = ", ".join(f"{n} {status.name}" for status, n in sorted(progress.statuses.items()))
         said = f"{name and f'{name}: '}{progress.sets} image sets: {counts or 'none'}"
         print(said + (f"; bag {args.bag}" if args.bag else ""))
@@ -131,10 +135,14 @@ def run(args: argparse.Namespace) -> int:
 def _untracked(asked: Mapping[str, tuple[argparse.Namespace, Any]], of_bodies: Mapping[str, Progress]) -> int:
     """Exit status where a body was never tracked, which is said; else 0."""
     statuses = []
-    for name, progress in of_bodies.items():
-        by_status = {each.name: n for each, n in progress.statuses.items()}
+    for name in asked:
+        by_status = {each.name: n for each, n in of_bodies[name].statuses.items()}
         statuses.append(nothing_tracked("pipeline", by_status, "", asked[name][0].initial_state is not None, name))
-    return max(statuses)
+    if not any(progress.came for progress in of_bodies.values()):
+        statuses.append(1)
+        if not asked:
+            print("pipeline: nobody has come", file=sys.stderr)
+    return max(statuses, default=0)
 
 
 def _evaluations(args: argparse.Namespace, recording: RecordingFile) -> list[list[str]]:
@@ -157,8 +165,14 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
     from ...loaders.model.state_yaml import load_state
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
+    from ...tracking.joining import USUAL
 
-    config = load_config(args.config) if args.config else TrackerConfig()
+    entry = None if recording is None else recording.joining
+    if entry is not None:
+        load_model(entry.model)
+        if entry.config is not None:
+            raise FileFormatError(args.recording, "joining.config", "nothing: a graph has one set of parameters", entry.config)
+    config = load_config(args.config) if args.config else TrackerConfig() if entry is None else USUAL
     for name, (own, _) in by_body(args, recording).items():
         model = load_model(own.model)
         own_config = recording.bodies[name].config if recording is not None and name else None
@@ -188,7 +202,9 @@ def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:
             raise FileFormatError(args.recording, name, "nothing: it is for tracker_node track", value)
 
 
-def _detector_options(args: argparse.Namespace, cameras: list[str], bodies: Sequence[str], wanted: bool) -> list[str] | None:
+def _detector_options(
+    args: argparse.Namespace, cameras: list[str], named: Sequence[str], joining: Sequence[str], wanted: bool
+) -> list[str] | None:
     """Options of the node keypoints; None where it is not started, which is said where points are wanted."""
     from ...errors import TrackerError
     from ...loaders.pose_weights import usable_weights
@@ -204,7 +220,9 @@ def _detector_options(args: argparse.Namespace, cameras: list[str], bodies: Sequ
         return None
     listeners = wanted + (args.bag is not None)  # the tracker, if it compares points, and the recorder
     result = ["--rig", str(args.rig), "--cameras", *cameras, "--wait-for-subscribers", str(listeners)]
-    result += ["--tracker", *(f"tracker/{name}" for name in bodies)] if bodies else []
+    if named or joining:
+        result += ["--tracker", *(f"tracker/{name}" for name in named)]
+    result += ["--joining", *(f"tracker/{name}" for name in joining)] if joining else []
     rate = args.keypoints_rate
     if rate is None and not args.real_time:  # the tracker waits for the points of every set
         rate, result = 0.0, [*result, "--lossless", "--niceness", "0"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ...ros.tracker.image_inbox import InboxOptions
     from ...ros.tracker.node import TrackerNode
     from ...ros.tracker.options import BodyOptions, TrackerOptions
+    from ...tracking.joining import JoiningOptions
 
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
@@ -38,7 +39,7 @@ def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -
     one = parser.add_mutually_exclusive_group(required=required)
     one.add_argument("--model", metavar="FILE", help="model.yaml or URDF: the body to track")
     if required:
-        one.add_argument("--bodies", metavar="RECORDING", help="recording.yaml whose bodies are tracked together")
+        one.add_argument("--bodies", metavar="RECORDING", help="recording.yaml whose bodies and joining people are tracked")
     parser.add_argument(
         "--occluders", metavar="FILE", help="model.yaml or URDF: fixed things that may hide the body, in the world's frame"
     )
@@ -123,21 +124,23 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     from ...loaders.keypoints.table import load_keypoint_table
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
-    from ...ros.tracker.options import TrackerOptions
+    from ...ros.tracker.options import BodyOptions, TrackerOptions
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
 
-    bodies = _bodies(args) if args.bodies else {}
-    _check_listeners(args, bodies)
-    first = next(iter(bodies.values()), None)
+    bodies, joining = _bodies(args) if args.bodies else ({}, None)
+    _check_listeners(args, [*bodies, *(() if joining is None else joining.names)])
+    first = next(iter(bodies.values()), None if joining is None else BodyOptions(joining.model))
     model = load_model(args.model) if first is None else first.model
     state = load_state(args.initial_state, model) if args.initial_state else None
+    usual = TrackerConfig() if joining is None else joining.config
     return TrackerOptions(
         rig=rig.subset(args.cameras) if args.cameras else rig,
         model=model,
-        config=load_config(args.config) if args.config else TrackerConfig(),
+        config=load_config(args.config) if args.config else usual,
         initial_state=state if first is None else first.initial_state,
         bodies=bodies,
+        joining=joining,
         occluders=load_model(args.occluders) if args.occluders else None,
         keypoints=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table else None,
         joint_states=args.joint_states,
@@ -146,7 +149,7 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     )
 
 
-def _check_listeners(args: argparse.Namespace, bodies: Mapping[str, BodyOptions]) -> None:
+def _check_listeners(args: argparse.Namespace, bodies: Sequence[str]) -> None:
     """Topics that are waited for are those of bodies that there are."""
     from ...errors import FileFormatError
 
@@ -157,8 +160,8 @@ def _check_listeners(args: argparse.Namespace, bodies: Mapping[str, BodyOptions]
             raise FileFormatError("command line", "--wait-for", expected, topic)
 
 
-def _bodies(args: argparse.Namespace) -> dict[str, BodyOptions]:
-    """Those of a recording.yaml, all with the parameters of the node."""
+def _bodies(args: argparse.Namespace) -> tuple[dict[str, BodyOptions], JoiningOptions | None]:
+    """Those of a recording.yaml, and people who join, all with the parameters of the node."""
     import numpy as np
 
     from ...errors import FileFormatError
@@ -166,22 +169,28 @@ def _bodies(args: argparse.Namespace) -> dict[str, BodyOptions]:
     from ...loaders.model.state_yaml import load_state
     from ...loaders.recording_yaml import load_recording
     from ...ros.tracker.options import BodyOptions
+    from ...tracking.joining import USUAL, JoiningOptions
 
     for name in ("initial_state", "joint_states"):
         if getattr(args, name):
             expected = "nothing beside --bodies, each of which has its own"
             raise FileFormatError("command line", f"--{name.replace('_', '-')}", expected, getattr(args, name))
     recording = load_recording(args.bodies)
-    if not recording.bodies:
-        raise FileFormatError(args.bodies, "bodies", "several bodies by name", "none")
+    if not recording.several:
+        raise FileFormatError(args.bodies, "bodies", "several bodies by name, or joining", "none")
     found = {}
-    for name, entry in recording.bodies.items():
-        if entry.config is not None:
-            raise FileFormatError(args.bodies, f"bodies.{name}.config", "nothing: a node has one set of parameters", entry.config)
-        model = load_model(entry.model)
-        state = load_state(entry.initial_state, model) if entry.initial_state else None
-        found[name] = BodyOptions(model, state, None if entry.person is None else np.array(entry.person))
-    return found
+    for name, body in recording.bodies.items():
+        if body.config is not None:
+            raise FileFormatError(args.bodies, f"bodies.{name}.config", "nothing: a node has one set of parameters", body.config)
+        model = load_model(body.model)
+        state = load_state(body.initial_state, model) if body.initial_state else None
+        found[name] = BodyOptions(model, state, None if body.person is None else np.array(body.person))
+    entry = recording.joining
+    if entry is None:
+        return found, None
+    if entry.config is not None:
+        raise FileFormatError(args.bodies, "joining.config", "nothing: a node has one set of parameters", entry.config)
+    return found, JoiningOptions(load_model(entry.model), USUAL, entry.names, entry.gone_s)
 
 
 def start_by_itself(node: TrackerNode, wait_for: dict[str, int], stop: Event) -> None:

@@ -16,6 +16,7 @@ from ...loaders.bag.message_types import stamp_ns_of
 from ...observation.image_set import CameraImage
 from ...observation.keypoints.crop import Crop
 from ...runs import messages
+from ...runs.people.detection import AROUND_S, Around
 from ...tracking.config import SynchronizerConfig
 from ..conversions import message_of
 from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
@@ -42,6 +43,7 @@ class KeypointsOptions:
     name : of the detector, for people.
     synchronizer : how images are matched.
     trackers : nodes, and bodies of nodes, whose ``crops`` say where bodies are; empty: whole images are searched.
+    joining : the same of bodies who come and go; whole images are then searched every `AROUND_S`, too.
     compressed : subscribe to JPEG images.
     rate_hz : at most so many image sets a second; 0: as many as possible.
     lossless : look at every image set, in order, instead of the newest.
@@ -55,6 +57,7 @@ class KeypointsOptions:
     name: str = ""
     synchronizer: SynchronizerConfig = field(default_factory=SynchronizerConfig)
     trackers: tuple[str, ...] = ("tracker",)
+    joining: tuple[str, ...] = ()
     compressed: bool = False
     rate_hz: float = 0.0
     lossless: bool = False
@@ -84,13 +87,15 @@ class KeypointsNode(GuardedNode):
             )
             for camera in options.cameras
         }  # fmt: skip
-        self._crops: dict[str, tuple[int, Mapping[str, Crop]]] = {name: (0, {}) for name in options.trackers}
+        followed = (*options.trackers, *options.joining)
+        self._crops: dict[str, tuple[int, Mapping[str, Crop]]] = {name: (0, {}) for name in followed}
         self._waits = options.wait_for_subscribers > 0
-        for name in options.trackers:
+        for name in followed:
             self.create_subscription(Crops, f"{name}/crops", partial(self._take_crops, name), LIVE_IMAGES)
         self.worker = DetectionWorker(
             self._sets, options.make_detector, self._expected, self._publish, rate_hz=options.rate_hz,
             niceness=options.niceness, wanted=self._listened_to, on_error=self.get_logger().error,
+            around=Around(AROUND_S if options.joining else None).due,
         )  # fmt: skip
         self._before_s, self._before, self._formed_s = time.monotonic(), (0, 0), time.monotonic()
         self._begins = self.create_timer(_LOOK_S, self._subscribe_when_ready, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -118,10 +123,11 @@ class KeypointsNode(GuardedNode):
 
     def _expected(self, stamp_ns: int) -> Mapping[str, tuple[Crop, ...]]:
         """By camera, around everybody; empty while one of the bodies is not known, which may be anywhere."""
-        known = [crops for crops_ns, crops in self._crops.values() if crops and abs(stamp_ns - crops_ns) <= _CROPS_NS]
-        if len(known) < len(self._crops):
+        recent = {name: crops for name, (crops_ns, crops) in self._crops.items() if abs(stamp_ns - crops_ns) <= _CROPS_NS}
+        known = {name: crops for name, crops in recent.items() if crops}
+        if any(name not in known for name in self._options.trackers):
             return {}
-        return {camera: tuple(crops[camera] for crops in known if camera in crops) for camera in self._options.cameras}
+        return {camera: tuple(crops[camera] for crops in known.values() if camera in crops) for camera in self._options.cameras}
 
     def _listened_to(self) -> bool:
         counts = [publisher.get_subscription_count() for publisher in self._points_of.values()]

@@ -64,6 +64,7 @@ class DetectionWorker:
     niceness : 0 to 19, on top of the process's own.
     wanted : whether somebody listens; until then no set is taken.
     on_error : called with what a detector has raised.
+    around : whether the whole images of a stamp are searched for people who have come in.
 
     Attributes
     ----------
@@ -84,7 +85,9 @@ class DetectionWorker:
         niceness: int = 0,
         wanted: Callable[[], bool] = lambda: True,
         on_error: Callable[[str], None] = lambda text: None,
+        around: Callable[[int], bool] = lambda stamp_ns: False,
     ):
+        self._around = around
         self._sets, self._make, self._crops, self._on_people = sets, make_detector, crops, on_people
         self._period_s, self._niceness = (1.0 / rate_hz if rate_hz > 0.0 else 0.0), niceness
         self._wanted, self._on_error = wanted, on_error
@@ -134,13 +137,13 @@ class DetectionWorker:
             self._work(detector, image_set)
 
     def _work(self, detector: Detector, image_set: ImageSet) -> None:
-        began, crops = time.perf_counter(), self._crops(image_set.stamp_ns)
+        began, crops, around = time.perf_counter(), self._crops(image_set.stamp_ns), self._around(image_set.stamp_ns)
         found = []
         try:
             for image in image_set.images:
                 if self._stopping.is_set():
                     return
-                people, in_crop = people_in(detector, image.bgr, crops.get(image.camera, ()))
+                people, in_crop = people_in(detector, image.bgr, crops.get(image.camera, ()), around)
                 self.images, self.in_crops = self.images + 1, self.in_crops + in_crop
                 found.append(replace(image, people=people))
             self._on_people(found)

@@ -73,25 +73,33 @@ class TrackerDiagnostics:
         self._bodies: set[str] = set()
         self._since_ns: dict[str, int] = {}  # part -> stamp from which on it has been in trouble
 
-    def estimated(
-        self, estimates: Mapping[str, TrackEstimate], image_set: ImageSet, counts: WorkerCounts, now_ns: int, step_ms: float
-    ) -> None:
+    def estimated(self, worker: TrackingWorker, image_set: ImageSet, now_ns: int) -> None:
         """One image set has been tracked and published, at ``now_ns`` of the clock that stamps are of.
 
         Parameters
         ----------
-        estimates : what the tracker says of one image set, by the name of the body; "" of one that is alone.
+        worker : has tracked it.
         image_set : the images that it was made from.
-        counts : of the worker, this set included.
         now_ns : of the clock that stamps are of.
-        step_ms : that it took.
         """
         stamps = [image.stamp_ns for image in image_set.images]
         self._latency_ms.append(1e-6 * (now_ns - image_set.stamp_ns))
-        self._processing_ms.append(step_ms)
+        self._processing_ms.append(worker.step_ms)
         self._spread_ms.append(1e-6 * (max(stamps) - min(stamps)))
-        for body, estimate in estimates.items():
-            self._report_body(f"{body}: " if body else "", estimate, counts)
+        absent = worker.absent
+        for body, estimate in worker.estimates.items():
+            of = f"{body}: " if body else ""
+            if body in absent:
+                self._report_absent(of, estimate.status_reason)
+            else:
+                self._report_body(of, estimate, worker.counts)
+
+    def _report_absent(self, of: str, said: str) -> None:
+        """Somebody who has not come, or has left: that is no trouble."""
+        self._bodies.add(of)
+        self._diagnostics.report(f"{of}status", OK, said)
+        for part in (part for part in self._limbs_reported if part.startswith(of)):
+            self._diagnostics.report(part, OK, said, logged=False)
 
     def _report_body(self, of: str, estimate: TrackEstimate, counts: WorkerCounts) -> None:
         self._bodies.add(of)

@@ -19,7 +19,7 @@ from ...model.configuration import State
 from ...observation.image_set import ImageSet
 from ...runs.joint_states import check_use
 from ...runs.messages import lens_of
-from ...runs.writer import write_body
+from ...runs.writer import write_body, write_joined
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import TrackEstimate
 from ..diagnostics import ERROR, OK, WARN, Diagnostics, QosMismatches
@@ -110,8 +110,8 @@ class TrackerNode(ManagedNode):
             name: TrackerOutputs(self, options.rig, body.model, self._mismatches, prefix, name)
             for name, body in options.each.items()
         }
-        if options.bodies:
-            models = {name: body.model for name, body in options.bodies.items()}
+        if options.several:
+            models = {name: body.model for name, body in options.each.items()}
             self._bodies = BodiesOutput(self, models, self._mismatches)
         inbox = replace(options.inbox, lossless=self._lossless, compressed=bool(fixed["compressed"]))
         if inbox.compressed and inbox.direct is not None and inbox.direct.cameras >= set(options.rig.names):
@@ -121,7 +121,7 @@ class TrackerNode(ManagedNode):
         points = PointMatching(config.synchronizer.image_period_s)
         self._keypoints = KeypointInbox(self, points, self._mismatches, self._diagnostics, options.point_names)
         topic = str(fixed["joint_states"])
-        if topic and options.bodies:
+        if topic and options.several:
             raise FileFormatError("parameters of tracker", "joint_states", "nothing beside several bodies", topic)
         if topic:
             check_use(options.model, config)
@@ -214,8 +214,12 @@ class TrackerNode(ManagedNode):
 
     def write_bodies(self, folder: Path) -> None:
         """Write each body as it was seen last, with its clothes; of several, into a folder of its name."""
+        models = {} if self._worker is None else self._worker.models
         for name, body in self._options.each.items():
-            write_body(folder / name, body.model, self._surfaces.get(name))
+            model = models.get(name, body.model)
+            write_body(folder / name, model, self._surfaces.get(name))
+            if model is not body.model:
+                write_joined(folder / name, model, name)
 
     @property
     def has_ended(self) -> bool:
@@ -334,16 +338,19 @@ class TrackerNode(ManagedNode):
 
     def _on_estimate(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         assert self._worker is not None and self._worker.rig is not None
+        models = self._worker.models
         for name, outputs in self._outputs.items():
             own = self._worker.estimates[name]
             self._surfaces[name] = own.surfaces
+            if name in models:
+                outputs.use(models[name])
             outputs.publish(own, image_set, self._worker.rig)
         if self._bodies is not None:
             self._bodies.publish(self._worker.estimates, self._worker.rig.world_frame)
         if self._worker.counts.tracked == 1:
             self.get_logger().info(f"first image set tracked {time.monotonic() - self._began_s:.2f} s after the start")
         now_ns = self.get_clock().now().nanoseconds
-        self._tracker_diagnostics.estimated(self._worker.estimates, image_set, self._worker.counts, now_ns, self._worker.step_ms)
+        self._tracker_diagnostics.estimated(self._worker, image_set, now_ns)
         self._camera_diagnostics.contradicted(estimate.faults)
 
     def _on_jump(self, jump: TimeJump) -> None:

@@ -17,6 +17,7 @@ from ...observation.keypoints.blazepose import NAMES
 from ...runs.loop import Steppable
 from ...tracking.bodies import Bodies, shared_threads
 from ...tracking.config import TrackerConfig
+from ...tracking.joining import Joining, JoiningOptions
 from ...tracking.tracker import Tracker
 from ...tracking.warm_up import SmallTrackers, warm_up
 from .image_inbox import InboxOptions
@@ -47,6 +48,7 @@ class TrackerOptions:
         ``config``.
     keypoints : as for the `Tracker`: what the points of a detector are on the body.
     bodies : several that are followed together, by name, the first of them being ``model``; empty: that alone.
+    joining : people who come and go beside these; their parameters are those of the node. None: nobody does.
     joint_states : topic on which a robot says where its joints are; "": none does.
     inbox : how images are received; ``inbox.lossless`` also makes every image set be tracked, in order.
     calibration_from_topics : lenses come from ``<cam>/camera_info`` instead of the rig, which gives the places only.
@@ -60,6 +62,7 @@ class TrackerOptions:
     initial_state: State | None = None
     occluders: ArticulatedModel | None = None
     bodies: Mapping[str, BodyOptions] = field(default_factory=dict)
+    joining: JoiningOptions | None = None
     keypoints: KeypointTable | None = None
     joint_states: str = ""
     inbox: InboxOptions = field(default_factory=InboxOptions)
@@ -68,9 +71,20 @@ class TrackerOptions:
     make_tracker: Callable[[CameraRig, ArticulatedModel, TrackerConfig, State | None], Steppable] | None = None
 
     @property
+    def several(self) -> bool:
+        """Whether there may be several bodies."""
+        return bool(self.bodies) or self.joining is not None
+
+    @property
+    def named(self) -> Mapping[str, BodyOptions]:
+        """All bodies by name that are there from the beginning; "" of one that is alone."""
+        return self.bodies if self.several else {"": BodyOptions(self.model, self.initial_state)}
+
+    @property
     def each(self) -> Mapping[str, BodyOptions]:
-        """All bodies by name; "" of one that is alone."""
-        return self.bodies or {"": BodyOptions(self.model, self.initial_state)}
+        """The same, and those who may join."""
+        joining = self.joining
+        return self.named if joining is None else {**self.named, **dict.fromkeys(joining.names, BodyOptions(joining.model))}
 
     @property
     def point_names(self) -> tuple[str, ...]:
@@ -150,15 +164,19 @@ class TrackerMaker:
         if options.make_tracker is not None:
             return options.make_tracker(rig, options.model, config, options.initial_state)
         backgrounds = resized_backgrounds({name: b for name, b in self._backgrounds.items() if name in rig.names}, rig)
-        at_once, threads = shared_threads(config.threads, len(options.each))
-        config, trackers = replace(config, threads=threads), {}
-        for name, body in options.each.items():
-            trackers[name] = made = Tracker(
-                rig, body.model, config, backgrounds, body.initial_state, options.occluders, options.keypoints
-            )
+        asked = None if options.joining is None else replace(options.joining, config=config)
+        at_once, threads = shared_threads(config.threads, len(options.named) + 2 * (asked is not None))
+        of_each = replace(config, threads=threads)
+
+        def make(model: ArticulatedModel, state: State | None) -> Tracker:
+            return Tracker(rig, model, of_each, backgrounds, state, options.occluders, options.keypoints)
+
+        trackers = {name: make(body.model, body.initial_state) for name, body in options.named.items()}
+        for name, body in options.named.items():
             if body.person is not None and body.initial_state is None:
-                made.reinitialize(body.person)
-        return Bodies(trackers, at_once) if options.bodies else trackers[""]
+                trackers[name].reinitialize(body.person)
+        joining = None if asked is None else Joining(rig, asked, make, options.keypoints)
+        return Bodies(trackers, at_once, joining) if options.several else trackers[""]
 
     def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
         """Whether such a tracker can be made, in some 20 ms.
@@ -175,8 +193,11 @@ class TrackerMaker:
         options = self._options
         if options.make_tracker is not None:
             return
+        if options.joining is not None:
+            replace(options.joining, config=config)  # takes points
         if not self._small:
             names = tuple(self._backgrounds)
-            self._small = [SmallTrackers(options.rig, body.model, names) for body in options.each.values()]
+            models = {id(body.model): body.model for body in options.each.values()}
+            self._small = [SmallTrackers(options.rig, model, names) for model in models.values()]
         for small in self._small:
             small.check(cameras, config)

@@ -70,17 +70,25 @@ class TrackerOutputs:
             camera.name: [(output, self._channel(output, f"{camera.name}/")) for output in CAMERA_OUTPUTS] for camera in rig
         }
         marker_array = message_class(MARKER_ARRAY)
-        markers = message_of(marker_array, messages.markers(model))
-        self._markers = _Channel(self._publisher(marker_array, f"~/{self._prefix}{MARKERS}"), markers)
+        self._markers = _Channel(self._publisher(marker_array, f"~/{self._prefix}{MARKERS}"), None)
         Configuration(model, State.neutral(model))  # compiled code is loaded now, not at the first image set
-        string = message_class(STRING)
-        description = self._created(string, f"{self._prefix}{DESCRIPTION}", qos_profile=LATCHED)
-        description.publish(message_of(string, {"data": urdf_of(model)}))
+        self._description = self._created(message_class(STRING), f"{self._prefix}{DESCRIPTION}", qos_profile=LATCHED)
+        self._describe()
         self._tf: Publisher | None = None
         if TFMessage is not None:
             self._tf = self._created(TFMessage, "/tf", qos_profile=RESULT)
             frames = [(self._world, camera.frame_id, camera.T_world_cam) for camera in rig]
             self._created(TFMessage, "/tf_static", qos_profile=LATCHED).publish(_tf_message(0, frames))
+
+    def _describe(self) -> None:
+        self._markers = _Channel(self._markers.publisher, message_of(message_class(MARKER_ARRAY), messages.markers(self._model)))
+        self._description.publish(message_of(message_class(STRING), {"data": urdf_of(self._model)}))
+
+    def use(self, model: ArticulatedModel) -> None:
+        """From the next image set on the body is this one: somebody has joined, who has lengths of his own."""
+        if model is not self._model:
+            self._model = model
+            self._describe()
 
     def _channel(self, output: Output, prefix: str = "") -> _Channel:
         class_ = message_class(output.type_name)

@@ -39,7 +39,7 @@ class TrackerServices:
             node.create_service(SetBool, "~/enable", self._guarded(self._on_enable)),
         ]
         self._subscriptions = []
-        for body in options.each:
+        for body in options.named:
             prefix = f"{body}/" if body else ""
             self._services.append(
                 node.create_service(SetState, f"~/{prefix}set_state", self._guarded(partial(self._on_set_state, body)))

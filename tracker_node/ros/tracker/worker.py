@@ -6,15 +6,18 @@ import gc
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from ...camera.rig import CameraRig
 from ...errors import TrackerError
+from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
 from ...runs.loop import StartRequest, TrackingLoop
 from ...runs.set_formation import SetFormation
+from ...tracking.bodies import Bodies
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import Status, TrackEstimate, unknown_estimate
 from ..joint_states import JointStateInbox
@@ -45,7 +48,7 @@ class TrackingWorker:
     formation : the image sets, and what became of the images.
     latest : the latest estimate since the last reset, also that of an image set that failed; of several bodies, of whoever is
         worst off.
-    estimates : the same by the name of the body; "" of one that is alone.
+    estimates : the same by the name of the body; "" of one that is alone. Also of those who may join, or have left.
     step_ms : that the latest image set took, all bodies together.
     at_work_since_s : steady time at which the image set at work was begun; None while there is none.
     paused : images are counted, and not used.
@@ -103,6 +106,18 @@ class TrackingWorker:
     def config(self) -> TrackerConfig:
         """The parameters in use."""
         return self._setup.config
+
+    @property
+    def models(self) -> Mapping[str, ArticulatedModel]:
+        """By the name of the body, as it is tracked; of several."""
+        tracker = self._loop.tracker
+        return tracker.models if isinstance(tracker, Bodies) else {}
+
+    @property
+    def absent(self) -> Mapping[str, TrackEstimate]:
+        """What is said of those who may join, or have left, by the name of the body."""
+        tracker = self._loop.tracker
+        return tracker.absent if isinstance(tracker, Bodies) else {}
 
     def use(self, setup: TrackingSetup) -> None:
         """From the next image set on; the tracker takes over the body from the old one, and learns from the latest image set."""
@@ -292,7 +307,7 @@ class TrackingWorker:
         requests, began = loop.requests, time.perf_counter()
         try:
             estimate = self.latest = loop.step(image_set)
-            self.estimates = loop.estimates
+            self.estimates = {**loop.estimates, **self.absent}
             self._requests.followed(requests.values())
         except Exception as error:
             self.estimates = self._failed(image_set, error, 1e3 * (time.perf_counter() - began))
@@ -317,7 +332,8 @@ class TrackingWorker:
         reason, tracked = f"{type(error).__name__}: {error}", self._loop.estimates
         states = {name: tracked[name].state if name in tracked else state for name, state in self._initial_states.items()}
         cameras = self._setup.cameras
-        return {name: unknown_estimate(image_set.stamp_ns, reason, state, cameras, total_ms) for name, state in states.items()}
+        said = {name: unknown_estimate(image_set.stamp_ns, reason, state, cameras, total_ms) for name, state in states.items()}
+        return said | {name: replace(estimate, stamp_ns=image_set.stamp_ns) for name, estimate in self.absent.items()}
 
 
 def _described(error: Exception) -> str:
