@@ -332,7 +332,7 @@ class _Followers:
         """Those who may join."""
         if self._joining is None:
             return None
-        run = self._joining.run
+        run = replace(self._joining.run, config=self._joining.options.config)
         for name in self._joining.options.names:
             check_free(self._joining.output / name)
         return Joining(rig, self._joining.options, lambda model, state: self.tracker(run, model, state), self._table)

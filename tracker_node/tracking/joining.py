@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ _APART_M = 0.5  # of the middle of somebody new from those who are tracked: near
 _SAME_M = 1.0  # between the places of one person in two looks...
 _LOOKS_NS = (100_000_000, 1_500_000_000)  # ...which lie so far apart: who is seen once may be a picture on a wall
 _LEAST_POINTS = 16  # of a person that meet in space
+_NO_SEARCH = 10**9  # image sets
 USUAL = TrackerConfig(modalities=(REGION, KEYPOINTS))  # parameters of people who join, where none are given
 NOBODY_YET = "nobody has come yet"
 
@@ -36,7 +37,7 @@ class JoiningOptions:
     Parameters
     ----------
     model : whoever comes is like it; the lengths are found from the points.
-    config : parameters of their trackers.
+    config : parameters of their trackers; whoever is LOST is found again by points alone, not by a search of seconds.
     names : of the bodies of all who may join, in the order in which they come.
     gone_s : a body that is LOST for so long has left; who comes later is somebody else.
 
@@ -54,6 +55,8 @@ class JoiningOptions:
         if KEYPOINTS not in self.config.modalities:
             names = ", ".join(self.config.modalities)
             raise TrackerError(f"people who join are found by points: expected keypoints among the modalities, got {names}")
+        patient = replace(self.config.initialization, after_lost_sets=_NO_SEARCH)
+        object.__setattr__(self, "config", replace(self.config, initialization=patient))
 
 
 class Joining:

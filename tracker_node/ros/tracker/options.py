@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -166,16 +167,16 @@ class TrackerMaker:
         backgrounds = resized_backgrounds({name: b for name, b in self._backgrounds.items() if name in rig.names}, rig)
         asked = None if options.joining is None else replace(options.joining, config=config)
         at_once, threads = shared_threads(config.threads, len(options.named) + 2 * (asked is not None))
-        of_each = replace(config, threads=threads)
 
-        def make(model: ArticulatedModel, state: State | None) -> Tracker:
-            return Tracker(rig, model, of_each, backgrounds, state, options.occluders, options.keypoints)
+        def make(of: TrackerConfig, model: ArticulatedModel, state: State | None) -> Tracker:
+            own = replace(of, threads=threads)
+            return Tracker(rig, model, own, backgrounds, state, options.occluders, options.keypoints)
 
-        trackers = {name: make(body.model, body.initial_state) for name, body in options.named.items()}
+        trackers = {name: make(config, body.model, body.initial_state) for name, body in options.named.items()}
         for name, body in options.named.items():
             if body.person is not None and body.initial_state is None:
                 trackers[name].reinitialize(body.person)
-        joining = None if asked is None else Joining(rig, asked, make, options.keypoints)
+        joining = None if asked is None else Joining(rig, asked, partial(make, asked.config), options.keypoints)
         return Bodies(trackers, at_once, joining) if options.several else trackers[""]
 
     def check(self, cameras: tuple[str, ...], config: TrackerConfig) -> None:
