@@ -47,7 +47,8 @@ class BatchOptions:
     ----------
     workers : processes on this machine; None: as many as it has processors, at most one a trial.
     scheduler : address of a Dask scheduler, whose workers are taken instead.
-    threads : of each tracker; None: one with processes on this machine, else as the parameters of the trials say.
+    threads : of each tracker, 1 also decodes its images; None: one where there is a process for each processor of this machine,
+        else as the parameters of the trials say.
     again : track what is done already, too.
     only : names of the trials that are tracked; empty: all. Of the others what they have come to already counts.
     """
@@ -186,7 +187,9 @@ def _job_or_outcome(trial: Trial, output: Path, token: str, options: BatchOption
         return replace(before, subject=trial.subject)
     if before is not None:
         tell(f"{trial.name} is tracked again{'' if options.again else ': what it is made from has changed'}")
-    threads = options.threads or (None if options.scheduler else 1)
+    processors = len(os.sched_getaffinity(0))
+    idle = bool(options.scheduler) or (options.workers or processors) < processors
+    threads = options.threads or (None if idle else 1)
     return Job(trial.name, trial.subject, trial.recording, inputs, str(output), token, threads)
 
 

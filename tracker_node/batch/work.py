@@ -196,6 +196,8 @@ def _tracked(job: Job, draft: Path) -> Outcome:
             check_evaluation(f"trial {job.name}", file.evaluate, recording.model)
         if job.threads is not None:
             recording = replace(recording, config=replace(recording.config, threads=job.threads))
+        if job.threads == 1:  # there is a worker for each processor
+            recording = replace(recording, images=replace(recording.images, threads=1, ahead=False))
         runs[body] = OfflineRun(**vars(recording), asked=recording.named_options())
     problems: list[str] = []
     summaries = run_together(runs, {body: draft / body for body in bodies}, _progress(job), problems.append)

@@ -29,8 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: its processors)")
     where.add_argument("--scheduler", metavar="ADDRESS", help="take the workers of this Dask scheduler, tcp://HOST:PORT")
     parser.add_argument(
-        "--threads", type=int, metavar="N", help="of each tracker (default: 1, with --scheduler what its parameters say)"
-    )
+        "--threads", type=int, metavar="N",
+        help="of each tracker (default: 1; with --scheduler, or fewer processes than processors, what its parameters say)",
+    )  # fmt: skip
     parser.add_argument("--no-pdf", action="store_true", help="without report.pdf")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
 

@@ -222,7 +222,7 @@ def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) ->
 def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[CameraImage | BrokenOff]:
     """Images of all sources, one time step after the other, in the order of the rig; a source that breaks off is noted once.
 
-    They are decoded ahead in threads; what comes, and in what order, does not depend on these.
+    They are decoded ahead in threads, unless options say otherwise; what comes, and in what order, does not depend on these.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterato
                 errors.append(f"camera '{camera}' after {report.read} images of '{sources[camera].path}': {what}")
                 yield BrokenOff(camera, last_ns[camera])
 
-    with ImageFeed(sources) as feed:
+    with ImageFeed(sources, all(source.options.ahead for source in sources.values())) as feed:
         for feed_set in feed:
             yield from broken_off()
             for image in feed_set.images:

@@ -22,10 +22,11 @@ def folders(tmp_path: Path) -> dict[str, Path]:
     return result
 
 
-def test_sets_in_order_with_every_image(folders: dict[str, Path]):
+@pytest.mark.parametrize("ahead", [True, False])
+def test_sets_in_order_with_every_image(folders: dict[str, Path], ahead: bool):
     offsets = {"a": 0, "b": 5_000_000, "c": -3_000_000}  # well within 0.4 of 40 ms
     sources = {camera: open_source(path, rate_hz=25.0, base_stamp_ns=offsets[camera]) for camera, path in folders.items()}
-    with ImageFeed(sources) as feed:
+    with ImageFeed(sources, ahead) as feed:
         feed_sets = list(feed)
     assert [[image.camera for image in feed_set.images] for feed_set in feed_sets] == [["a", "b", "c"]] * 3 + [["a", "b"]] * 2
     assert [feed_set.stamp_ns for feed_set in feed_sets] == [-3_000_000, 37_000_000, 77_000_000, 120_000_000, 160_000_000]
@@ -37,9 +38,10 @@ def test_sets_in_order_with_every_image(folders: dict[str, Path]):
     assert [report.read for report in feed.reports.values()] == [5, 5, 3]
 
 
-def test_a_source_that_fails_ends_and_is_named_and_the_others_go_on(folders: dict[str, Path]):
+@pytest.mark.parametrize("ahead", [True, False])
+def test_a_source_that_fails_ends_and_is_named_and_the_others_go_on(folders: dict[str, Path], ahead: bool):
     cv2.imwrite(str(folders["b"] / "2.png"), np.zeros((9, 9, 3), np.uint8))  # another size in mid-recording
-    with ImageFeed({camera: open_source(folders[camera], rate_hz=25.0) for camera in "ab"}) as feed:
+    with ImageFeed({camera: open_source(folders[camera], rate_hz=25.0) for camera in "ab"}, ahead) as feed:
         sizes = [len(feed_set.images) for feed_set in feed]
     assert sizes == [2, 2, 1, 1, 1]
     assert "30x20 to 9x9" in feed.reports["b"].problem and not feed.reports["a"].problem

@@ -1,7 +1,7 @@
 """Several image sources as one stream of time steps on a common clock.
 
-Each source is decoded in a thread of its own, a few images ahead. A source that fails ends, with its problem named; the
-others go on.
+Each source is decoded in a thread of its own, a few images ahead, or by whoever iterates. A source that fails ends, with its
+problem named; the others go on.
 """
 
 from __future__ import annotations
@@ -65,11 +65,12 @@ class ImageFeed(Closing):
     Parameters
     ----------
     sources : camera name -> its images; the order is that of the images in a time step.
+    ahead : decode in threads; False: image by image, as they are asked for.
 
     Use it as a context manager, or call `close`, so that the decoding threads end.
     """
 
-    def __init__(self, sources: Mapping[str, ImageSource]):
+    def __init__(self, sources: Mapping[str, ImageSource], ahead: bool = True):
         self._sources = dict(sources)
         shortest_s = min((1.0 / source.rate_hz for source in self._sources.values()), default=1.0)
         self.period_s = shortest_s
@@ -77,9 +78,11 @@ class ImageFeed(Closing):
         self.reports = {camera: SourceReport() for camera in self._sources}
         self._stop = threading.Event()
         self._queues: dict[str, queue.Queue] = {camera: queue.Queue(_AHEAD) for camera in self._sources}
+        self._decoded = {camera: self._decode(camera) for camera in self._sources}
+        self._ahead = ahead
         self._threads = [
-            threading.Thread(target=self._decode, args=(camera,), name=f"decode {camera}", daemon=True)
-            for camera in self._sources
+            threading.Thread(target=self._decode_ahead, args=(camera,), name=f"decode {camera}", daemon=True)
+            for camera in (self._sources if ahead else ())
         ]
         for thread in self._threads:
             thread.start()
@@ -116,7 +119,7 @@ class ImageFeed(Closing):
         report, source = self.reports[camera], self._sources[camera]
         while not self._stop.is_set():
             try:
-                item = self._queues[camera].get(timeout=0.2)
+                item = self._queues[camera].get(timeout=0.2) if self._ahead else next(self._decoded[camera])
             except queue.Empty:
                 continue
             if isinstance(item, FeedImage):
@@ -134,16 +137,20 @@ class ImageFeed(Closing):
         counts = source.counts
         report.missing, report.skipped, report.problems = counts.missing, counts.skipped, counts.problems
 
-    def _decode(self, camera: str) -> None:
+    def _decode(self, camera: str) -> Iterator[FeedImage | str]:
+        """Images, and at last why there are no more."""
         try:
-            for image in _marked(camera, self._sources[camera].images()):
-                if not self._put(camera, image):
-                    return
-            self._put(camera, "")
+            yield from _marked(camera, self._sources[camera].images())
+            yield ""
         except TrackerError as error:
-            self._put(camera, str(error))
+            yield str(error)
         except Exception as error:  # a decoder's own failure must not silence the other cameras
-            self._put(camera, f"{type(error).__name__}: {error}")
+            yield f"{type(error).__name__}: {error}"
+
+    def _decode_ahead(self, camera: str) -> None:
+        for item in self._decoded[camera]:
+            if not self._put(camera, item):
+                return
 
     def _put(self, camera: str, item: FeedImage | str) -> bool:
         while not self._stop.is_set():

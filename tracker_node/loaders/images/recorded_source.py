@@ -38,6 +38,7 @@ class SourceOptions:
     drift_ppm : by how much common time advances more than these stamps, in millionths.
     capture : pattern of a mosaic, and as what images are published; the rest is for devices.
     threads : of the decoder; None leaves it to OpenCV.
+    ahead : decode in a thread of its own, some images ahead; False: by the thread that takes them.
     keep : hand on the images as they were in the source too.
     own_times : where a video's images are not evenly apart, their stamps are the times of its container, unless there are
         ``times_ns`` or a rate.
@@ -54,6 +55,7 @@ class SourceOptions:
     shrink: int = 1
     capture: CaptureSettings = field(default_factory=CaptureSettings)
     threads: int | None = None
+    ahead: bool = True
     keep: bool = False
     own_times: bool = True
 
