@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
     with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
         node = RerunBridge(options)
         attach(node)
+        print("rerun_bridge: ready", flush=True)
         try:
             spin(node, stop, lambda: node.fatal is not None)
         finally:
