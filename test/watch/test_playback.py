@@ -22,7 +22,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.render.overlay import part_outlines
 from tracker_node.render.raycast.raycaster import render_mask
 from tracker_node.runs.load import load_run
-from tracker_node.watch.view import SIGMAS
+from tracker_node.watch.view import HIDDEN, SIGMAS
 
 F32 = {"rtol": 1e-6, "atol": 1e-6}  # positions are float32 in Rerun
 
@@ -133,7 +133,8 @@ def test_a_set_without_a_state_hides_the_body(clip, tmp_path):
     lines[3] = lines[3].replace("TRACKING", "LOST")
     (tmp_path / "run/states.csv").write_text("\n".join(lines) + "\n")
     file = played(tmp_path / "run", "--no-images", tmp_path / "run.rrd")
-    np.testing.assert_array_equal(file.array("/world/bodies/body/trunk", "Transform3D:scale")[:, 0], [0, 1, 1, 1, 1])
+    scales = file.array("/world/bodies/body/trunk", "Transform3D:scale")
+    np.testing.assert_array_equal(scales, np.repeat([[HIDDEN], [1], [1], [1], [1]], 3, axis=1).astype(np.float32))
     stamps, tints = file.over_time("/world/bodies/body/trunk", "Mesh3D:albedo_factor")
     states = read_states(tmp_path / "run/states.csv").stamps_ns
     np.testing.assert_array_equal(stamps, states[[0, 1, 2, 3]])

@@ -31,8 +31,8 @@ from ..tracking.estimate import LimbStatus, Status
 APPLICATION = "tracker_node"
 TIME, STAMP = "time", "stamp"
 SIGMAS = 2.0  # half axes of the ellipsoids, in standard deviations
+HIDDEN = 1e-6  # scale of a body without a state: the viewer draws one of scale 0 as if it had none
 LONGEST_PX = 640  # images are made smaller by a whole factor until no side is longer
-_NOTHING = np.zeros(3)
 _FAINT = {Status.LOST: 90, Status.DEGRADED: 170}  # opacity, of 255
 
 
@@ -142,7 +142,7 @@ class RerunView:
         found = [run.configuration(shown.model, i) if known[i] else None for i in range(len(run))]
         for k, link in enumerate(shown.model.chain.links):
             Ts = np.array([np.eye(4) if each is None else each.Ts_world_link[k] for each in found])
-            scale = np.repeat(known[:, None].astype(float), 3, axis=1)
+            scale = np.repeat(np.where(known, 1.0, HIDDEN)[:, None], 3, axis=1)
             columns = rr.Transform3D.columns(translation=Ts[:, :3, 3], quaternion=_quaternions(Ts), scale=scale)
             self._recording.send_columns(self.place(body, link), times, columns)
         self._show_ellipsoids(body, run, found)
