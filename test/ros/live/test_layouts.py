@@ -21,6 +21,7 @@ from xml.etree import ElementTree
 import cv2
 import foxglove
 import foxglove.layouts as fl
+import numpy as np
 import pytest
 import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -407,3 +408,19 @@ def heard(url: str, topics: set[str]) -> tuple[dict[str, dict], dict[str, bytes]
                 subscriptions = [{"id": i, "channelId": channel["id"]} for i, channel in wanted]
                 socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
     return offered, first
+
+
+@pytest.mark.long
+def test_the_bag_of_several_bodies_is_a_file_of_rerun_too(two_recorded, tmp_path):
+    pytest.importorskip("rerun", reason="the extra rerun is not installed")
+    from helpers.rerun_file import RerunFile
+
+    bag = two_recorded[0].bag
+    assert main(["rerun", str(bag), "--output", str(tmp_path / "two.rrd")]) == 0  # run.json names rig and bodies
+    file = RerunFile(tmp_path / "two.rrd")
+    with BagReader(bag) as reader:
+        for body in ("one", "other"):
+            said = [message.root_pose.position for _, message in reader.decoded(f"/tracker/{body}/state")]
+            places = file.array(f"/world/bodies/{body}/pelvis", "Transform3D:translation")
+            np.testing.assert_allclose(places, [[p.x, p.y, p.z] for p in said], rtol=1e-6, atol=1e-6)
+            assert len(file.over_time(f"/world/cameras/cam0/{body}", "LineStrips2D:strips")[1]) == len(said) == 3
