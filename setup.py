@@ -6,7 +6,9 @@ from setuptools import find_packages, setup
 
 PACKAGE = "tracker_node"
 ROOT = Path(__file__).parent
-EXECUTABLES = ["camera_ingest", "compose", "keypoints", "pipeline", "player", "recorder", "rectify", "tracker", PACKAGE]
+EXECUTABLES = [
+    "camera_ingest", "compose", "keypoints", "pipeline", "player", "recorder", "rectify", "rerun_bridge", "tracker", PACKAGE,
+]  # fmt: skip
 
 RUNTIME_REQUIREMENTS = [
     "argcomplete>=3.0",
@@ -38,6 +40,7 @@ H5_REQUIREMENTS = ["h5py>=3.9"]
 DATA_REQUIREMENTS = ["pandas>=2.2", "xarray>=2024.1"]
 CLUSTER_REQUIREMENTS = ["distributed>=2024.1"]
 SOUND_REQUIREMENTS = ["av>=14.0"]
+RERUN_REQUIREMENTS = ["rerun-sdk>=0.41"]
 DOCS_REQUIREMENTS = ["furo", "myst-parser", "sphinx"]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
@@ -125,6 +128,7 @@ setup(
         "data": DATA_REQUIREMENTS,
         "cluster": CLUSTER_REQUIREMENTS,
         "sound": SOUND_REQUIREMENTS,
+        "rerun": RERUN_REQUIREMENTS,
         "docs": DOCS_REQUIREMENTS,
         "test": [
             *TEST_REQUIREMENTS,
@@ -134,6 +138,7 @@ setup(
             *DATA_REQUIREMENTS,
             *CLUSTER_REQUIREMENTS,
             *SOUND_REQUIREMENTS,
+            *RERUN_REQUIREMENTS,
             *DOCS_REQUIREMENTS,
         ],
     },

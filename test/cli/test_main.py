@@ -123,4 +123,4 @@ def test_each_node_has_a_command_of_its_own(monkeypatch, verb):
     seen = []
     monkeypatch.setattr(module, "main", lambda: seen.append(list(sys.argv)) or 4)
     assert module.node(verb) == 4
-    assert seen == [["command", verb, "--rig", "a"]] and len(module.NODES) == 8
+    assert seen == [["command", verb, "--rig", "a"]] and len(module.NODES) == 9

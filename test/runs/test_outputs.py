@@ -16,7 +16,7 @@ def test_the_state_is_the_last_of_all():
 
 def test_what_can_be_waited_for_is_published():
     published = {output.name for output in (*BODY_OUTPUTS, *CAMERA_OUTPUTS)} | {MARKERS}
-    assert set(OUTPUTS) == published - {"twist", "crops"}
+    assert set(OUTPUTS) == published - {"twist", "crops", "camera_info"}
 
 
 def test_an_offline_run_announces_what_a_pipeline_records(tmp_path):
@@ -48,8 +48,8 @@ def test_a_node_makes_covariances_only_while_somebody_listens_but_a_bag_holds_th
 
 def test_jpegs_have_the_names_that_image_transport_looks_for():
     topics = [output.topic for output in (*BODY_OUTPUTS, *CAMERA_OUTPUTS)]
-    assert topics[-3:] == ["mask", "overlay/compressed", "masked_image/compressed"]
-    assert topics[:-3] == ["twist", "pose", "joint_states", "crops", "state_covariance", "state"]
+    assert topics[-4:] == ["camera_info", "mask", "overlay/compressed", "masked_image/compressed"]
+    assert topics[:-4] == ["twist", "pose", "joint_states", "crops", "state_covariance", "state"]
 
 
 def test_a_bag_named_bag_is_that_of_a_run_which_must_not_be_there(tmp_path):

@@ -14,8 +14,7 @@ from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..runs.images import file_of, first_image_of, rig_of_run
-from ..runs.load import file_of_run, load_run
-from ..runs.writer import BODY
+from ..runs.load import body_of_run, load_run
 from .evaluate import EvaluationOptions
 from .masks.reference import CameraMasks
 from .masks.silhouettes import ImageReview, ReviewOptions, review_images
@@ -82,10 +81,11 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     options = replace(files.options, first_image=first_image)
     found = review(tracked, model, truth_of(files.truth, files.y_up, model), options, sources)
     shown = ReviewOptions(files.pictures, first_image=first_image)
+    seen = model if files.model is not None else body_of_run(Path(files.run), model)
     rig = None
     if rig_path:
         rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != file_of(tracked.info, "rig"))
-    images = _images(files, tracked, _as_seen(files, model), rig, shown, found.period_s * 1e9, tell)
+    images = _images(files, tracked, seen, rig, shown, found.period_s * 1e9, tell)
     problems = [*found.problems, *_contradicted(tracked.info), *unobservable_text(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
     return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems, rig=rig)
@@ -103,15 +103,6 @@ def _images(
     if rig is None:
         return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
     return review_images(tracked, model, rig, files.masks, period_ns, options, tell)
-
-
-def _as_seen(files: RunFiles, model: ArticulatedModel) -> ArticulatedModel:
-    """The body with the clothes that the run has found; ``model`` where it has not, or where another body is named."""
-    path = file_of_run(Path(files.run), BODY)
-    if files.model is not None or not path.is_file():
-        return model
-    seen = load_model(path)
-    return seen if seen.chain.dof_names == model.chain.dof_names else model
 
 
 def _contradicted(info: Mapping[str, Any]) -> list[str]:

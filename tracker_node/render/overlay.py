@@ -13,11 +13,12 @@ from ..camera.rig import Camera
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
-from .raycast.raycaster import render_mask, render_view
+from .raycast.raycaster import render_labels, render_mask, render_view
 
 _HUES = {"left": 105.0, "right": 12.0, "": 62.0}  # of OpenCV: half degrees
 _DARK, _WHITE = (25, 25, 25), (255, 255, 255)
 _SHIFT = 4  # sub-pixel bits of OpenCV's drawing
+_STRAIGHT_PX = 0.7  # by how much a line may leave out corners of the pixels' border
 
 
 def draw_overlay(
@@ -70,6 +71,31 @@ def part_colors(model: ArticulatedModel) -> np.ndarray:
         spread = 10.0 if side else 16.0
         hsv[label, 0] = (_HUES[side] + spread * ((count * 0.618) % 1.0 - 0.5), 255 - 70 * (count % 2), 255 - 45 * (count % 3))
     return cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR)[:, 0]
+
+
+def part_outlines(configuration: Configuration, camera: Camera) -> list[tuple[int, np.ndarray]]:
+    """Closed lines around what is seen of each part.
+
+    Parameters
+    ----------
+    configuration : the posed body.
+    camera : that sees it.
+
+    Returns
+    -------
+    lines : number of the shape, and (n, 2) px; a part has one for each region of it that is seen.
+    """
+    found = render_labels(configuration, camera, 1)
+    if found is None:
+        return []
+    (u0, v0, _, _), labels = found
+    lines: list[tuple[int, np.ndarray]] = []
+    for label in np.flatnonzero(np.bincount(labels.ravel(), minlength=1)[1:]) + 1:
+        mask = (labels == label).view(np.uint8)
+        for contour in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]:
+            contour = cv2.approxPolyDP(contour, _STRAIGHT_PX, True)
+            lines.append((int(label) - 1, contour[:, 0] + (float(u0), float(v0))))
+    return lines
 
 
 def _line_width(configuration: Configuration, camera: Camera) -> int:

@@ -134,6 +134,12 @@ class RunData:
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
+    def at(self, rows: np.ndarray) -> RunData:
+        """Some of the image sets."""
+        per_set = ("stamps_ns", "status", "values", "residual", "iterations", "camera_residuals", "camera_samples")
+        details = None if self.details is None else self.details.at(rows)
+        return replace(self, details=details, **{name: getattr(self, name)[rows] for name in per_set})
+
     @property
     def has_state(self) -> np.ndarray:
         """(n,) bool."""

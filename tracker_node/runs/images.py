@@ -185,7 +185,7 @@ def rig_from_bag(rig: CameraRig, bag: Path) -> CameraRig:
 
 
 def run_stream(
-    rig: CameraRig, reader: BagReader, info: Info, options: SourceOptions | None = None
+    rig: CameraRig, reader: BagReader, info: Info, options: SourceOptions | None = None, topic: str | None = None
 ) -> tuple[CameraRig, RecordedRunStream]:
     """The rig for the images of a run, and its image sets.
 
@@ -195,6 +195,7 @@ def run_stream(
     reader : bag with the states of the run.
     info : content of ``run.json``.
     options : of the rig's sources; default: those of the run.
+    topic : of the states, where the bag has those of several bodies.
 
     Returns
     -------
@@ -207,11 +208,11 @@ def run_stream(
     bag = image_bag_of(reader.path, info, rig.names)
     if bag is None:
         options = options or source_options_of(info, reader.path)
-        return resampled_rig(rig, options), RecordedRunStream(rig, reader, options)
+        return resampled_rig(rig, options), RecordedRunStream(rig, reader, options, topic)
     if bag == reader.path:
-        return rig_of_bag(rig, reader), RecordedRunStream(rig_of_bag(rig, reader), reader)
+        return rig_of_bag(rig, reader), RecordedRunStream(rig_of_bag(rig, reader), reader, topic=topic)
     other = rig_from_bag(rig, bag)
-    return other, RecordedRunStream(other, reader, SourceOptions())
+    return other, RecordedRunStream(other, reader, SourceOptions(), topic)
 
 
 def config_of_run(info: Info) -> TrackerConfig:

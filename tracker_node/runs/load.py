@@ -14,11 +14,13 @@ from ..loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, stamp_n
 from ..loaders.bag.metadata import STORAGE_SUFFIXES
 from ..loaders.bag.reader import BagReader
 from ..loaders.json_values import read_json
+from ..loaders.model.model_yaml import load_model
 from ..loaders.motion.motion_file import CovarianceTrajectory, read_covariances
 from ..loaders.motion.trajectory_file import read_states
+from ..model.articulated import ArticulatedModel
 from ..tracking.estimate import PX, Status
 from .data import RunData, RunDetails
-from .writer import BAG, COVARIANCES, SMOOTHED, STATES, SUMMARY
+from .writer import BAG, BODY, COVARIANCES, SMOOTHED, STATES, SUMMARY
 
 
 def load_run(path: str | Path, topic: str | None = None) -> RunData:
@@ -67,6 +69,11 @@ def _bag_in(path: Path) -> Path | None:
     return None
 
 
+def bag_of_run(path: Path) -> Path | None:
+    """The bag of a run folder, of the run that a folder of smoothed states is of, or a bag itself; None where there is none."""
+    return _bag_in(path) or (_bag_in(path.parent) if path.name == SMOOTHED else None)
+
+
 def run_info(path: str | Path) -> dict[str, Any]:
     """Content of the ``run.json`` of a run folder, or of a bag in one; empty without one.
 
@@ -92,6 +99,23 @@ def file_of_run(folder: Path, name: str) -> Path:
     """
     of_part = folder.name in (SMOOTHED, BAG) and not (folder / name).exists()
     return (folder.parent if of_part else folder) / name
+
+
+def body_of_run(path: Path, model: ArticulatedModel) -> ArticulatedModel:
+    """The body with the clothes that a run has found.
+
+    Parameters
+    ----------
+    path : of the run.
+    model : that was tracked.
+
+    Returns
+    -------
+    seen : of `BODY`; ``model`` where the run has found none.
+    """
+    file = file_of_run(path, BODY)
+    seen = load_model(file) if file.is_file() else model
+    return seen if seen.chain.dof_names == model.chain.dof_names else model
 
 
 def _read_info(path: Path) -> dict[str, Any]:
@@ -135,12 +159,32 @@ def _from_bag(path: Path, topic: str | None) -> RunData:
             raise FileFormatError(path, found.name, f"messages of type {TRACKED_STATE}", found.type_name)
         messages = state_messages(reader, found.name)
         covariances = _covariances(reader, f"{found.name}_covariance")
+    return run_of_messages(path, topics[0], messages, covariances)
+
+
+def run_of_messages(path: Path, topic: str, messages: Sequence[Any], covariances: Mapping[int, np.ndarray]) -> RunData:
+    """The states of messages of type TrackedState, from a bag or from the graph.
+
+    Parameters
+    ----------
+    path, topic : where they are from, for messages to the user.
+    messages : with the fields of the type.
+    covariances : (n_dof * n_dof,) by the stamp of the state.
+
+    Returns
+    -------
+    run : in the order of the stamps.
+
+    Raises
+    ------
+    FileFormatError : the body, its limbs or the cameras change.
+    """
     first = messages[0] if messages else None
     dof_names = tuple(first.dof_names) if first else ()
     cameras = tuple(first.cameras) if first else ()
     for message in messages:
         if tuple(message.dof_names) != dof_names or tuple(message.cameras) != cameras:
-            raise FileFormatError(path, topics[0], "one body and one rig throughout", "a change within the bag")
+            raise FileFormatError(path, topic, "one body and one rig throughout", "a change within the bag")
     n = len(messages)
     run = RunData(
         path=path,
@@ -207,10 +251,7 @@ def _details(path: Path, messages: Sequence[Any], covariances: Mapping[int, np.n
 def _in_order(run: RunData) -> RunData:
     """Sorted by stamp; of several states with one stamp the last, as a subscriber keeps it."""
     latest = {int(stamp): i for i, stamp in enumerate(run.stamps_ns)}
-    rows = np.array([latest[stamp] for stamp in sorted(latest)], dtype=int)
-    per_set = ("stamps_ns", "status", "values", "residual", "iterations", "camera_residuals", "camera_samples")
-    details = None if run.details is None else run.details.at(rows)
-    return replace(run, details=details, **{name: getattr(run, name)[rows] for name in per_set})
+    return run.at(np.array([latest[stamp] for stamp in sorted(latest)], dtype=int))
 
 
 def _with_covariances(run: RunData, known: CovarianceTrajectory) -> RunData:

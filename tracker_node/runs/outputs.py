@@ -21,7 +21,7 @@ from ..render.raycast.raycaster import render_mask
 from ..tracking.estimate import TrackEstimate
 from ..tracking.keypoints.crops import crops_of
 from . import messages
-from .messages import COMPRESSED_IMAGE, IMAGE, Content
+from .messages import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, Content
 
 ALWAYS, ON_REQUEST, NEVER = "always", "on request", "never"
 DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"  # latched: the body's URDF
@@ -117,6 +117,11 @@ def _state_covariance(tracked: Tracked) -> Content:
     return messages.state_covariance(tracked.estimate, tracked.model, tracked.frame_id)
 
 
+def _camera_info(tracked: Tracked, camera: Camera) -> Content:
+    """The lens of mask and overlay, beside them, where viewers look for it."""
+    return messages.camera_info(tracked.stamp_ns(camera), camera.frame_id, camera.model)
+
+
 def _mask(tracked: Tracked, camera: Camera) -> Content:
     """The silhouette; empty before a state is found."""
     empty = np.zeros((camera.model.height, camera.model.width), np.uint8)
@@ -159,6 +164,7 @@ The state is the last: whoever has seen it may rely on the rest being on its way
 """
 
 CAMERA_OUTPUTS = (
+    Output("camera_info", CAMERA_INFO, _camera_info, on_request=True, in_bag=NEVER),
     Output("mask", IMAGE, _mask, on_request=True, in_bag=ON_REQUEST),
     Output("overlay", COMPRESSED_IMAGE, _overlay, on_request=True, in_bag=ON_REQUEST),
     Output("masked_image", COMPRESSED_IMAGE, _masked_image, on_request=True, in_bag=ON_REQUEST),

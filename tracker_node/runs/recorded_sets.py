@@ -36,6 +36,7 @@ class RecordedRunStream(ImageSetStream):
     ----------
     reader : bag with the states, and the images unless ``options`` are given.
     options : take the images from the rig's sources, whose stamps must be the recorded ones.
+    topic : of the states, where the bag has those of several bodies.
 
     Raises
     ------
@@ -44,11 +45,11 @@ class RecordedRunStream(ImageSetStream):
 
     AHEAD = 64  # sets that may be waiting for their images; a set that more have overtaken gets none any more
 
-    def __init__(self, rig: CameraRig, reader: BagReader, options: SourceOptions | None = None):
+    def __init__(self, rig: CameraRig, reader: BagReader, options: SourceOptions | None = None, topic: str | None = None):
         super().__init__(rig)
         self._reader = reader
         self._options: SourceOptions | None = None
-        topic = only_topic(reader, TRACKED_STATE)
+        topic = topic or only_topic(reader, TRACKED_STATE)
         self.sets = [recorded_set(message) for message in state_messages(reader, topic)]
         self.n_expected = len(self.sets)
         self._needed = Counter(key for recorded in self.sets for key in recorded.images)

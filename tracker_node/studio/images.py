@@ -22,8 +22,7 @@ from ..loaders.images.source import ImageSource, SourceOptions
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..observation.image_set import CameraImage, ImageSet
-from ..render.overlay import part_colors
-from ..render.raycast.raycaster import render_labels
+from ..render.overlay import part_colors, part_outlines
 from ..runs.image_sets import opened_sources
 from ..runs.set_formation import make_synchronizer
 from ..tracking.config import SynchronizerConfig
@@ -270,7 +269,6 @@ class Handles:
 
 
 _SAME_PLACE_M = 0.01
-_STRAIGHT_PX = 0.7  # by how much a line may leave out corners of the pixels' border
 
 
 def handles_of(model: ArticulatedModel) -> Handles:
@@ -317,18 +315,8 @@ class OutlineDrawer:
         }
 
     def _parts(self, body: Configuration, camera: Camera) -> list[tuple[int, list[float]]]:
-        found = render_labels(body, camera, 1)
-        if found is None:
-            return []
-        (u0, v0, _, _), labels = found
-        lines: list[tuple[int, list[float]]] = []
-        for label in np.flatnonzero(np.bincount(labels.ravel(), minlength=1)[1:]) + 1:
-            mask = (labels == label).view(np.uint8)
-            for contour in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]:
-                contour = cv2.approxPolyDP(contour, _STRAIGHT_PX, True)
-                pixels = (contour[:, 0] + (u0 + 0.5, v0 + 0.5)) * self._factor - 0.5
-                lines.append((int(label) - 1, np.round(pixels, 1).ravel().tolist()))
-        return lines
+        lines = ((part, (line + 0.5) * self._factor - 0.5) for part, line in part_outlines(body, camera))
+        return [(part, np.round(pixels, 1).ravel().tolist()) for part, pixels in lines]
 
 
 def _pixels(camera: Camera, points: np.ndarray) -> list[list[float] | None]:

@@ -313,7 +313,7 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/nodes.md", "Record"): ((arm,), GRAPH),
     ("docs/nodes.md", "Play"): ((long_bag,), ()),
     ("docs/nodes.md", "Track again"): ((arm_bag,), ()),
-    ("docs/nodes.md", "Watch it"): ((arm_bag,), ()),
+    ("docs/nodes.md", "Watch it"): ((arm_runs, arm_bag), ()),
     ("docs/results.md", "Evaluate"): ((arm_runs, arm_live, arm_truth), ()),
     ("docs/results.md", "Export"): ((person_run,), ()),
     ("docs/studio.md", "Studio: set a pose, digitize, play back, watch"): ((arm_runs, arm_truth, control_points), ()),

@@ -61,8 +61,8 @@ def _diagnostics_from_now_on(probe: Probe) -> Iterator[dict[str, DiagnosticStatu
 
 def _works(probe: Probe, said: dict[str, DiagnosticStatus], verb: str, name: str, process: NodeProcess) -> Callable[[], bool]:
     """Whether the node does what it is for, as it says itself."""
-    if verb == "rectify":
-        return lambda: "rectify: ready" in process.out
+    if verb in ("rectify", "rerun_bridge"):
+        return lambda: f"{verb}: ready" in process.out
     if verb == "player":
         return probe.node.create_client(SetBool, f"/{name}/pause").service_is_ready
     if verb in ("tracker", "compose"):

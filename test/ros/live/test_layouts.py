@@ -9,16 +9,24 @@ import json
 import re
 import subprocess
 import sys
+import threading
+import time
 import types
 import typing
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
 import cv2
+import foxglove
 import foxglove.layouts as fl
+import numpy as np
 import pytest
 import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from mcap.reader import make_reader
+from websockets.sync.client import connect
 
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.reader import BagReader
@@ -125,14 +133,14 @@ def panels_of(layouts: Path) -> dict[str, dict]:
     return json.loads((layouts / "foxglove/tracker.json").read_text())["configById"]
 
 
-def test_foxglove_shows_what_is_there(layouts, recorded):
-    panels = panels_of(layouts)
+def assert_there(panels: dict[str, dict], recorded: Recording) -> None:
+    """Every topic and field of the panels is in the recording, of the type that the panel shows."""
     for name, panel in panels.items():
         kind = name.partition("!")[0]
         if kind == "3D":
             assert all(recorded.types[topic] in IN_3D for topic in panel["topics"])
-            robot = panel["topics"]["/robot_description"]
-            assert recorded.types[robot["jointStatesTopic"]] == "sensor_msgs/msg/JointState"
+            robots = [settings for topic, settings in panel["topics"].items() if topic.endswith("robot_description")]
+            assert robots and all(recorded.types[robot["jointStatesTopic"]].endswith("/JointState") for robot in robots)
         elif kind == "Image":
             assert recorded.types[panel["imageMode"]["imageTopic"]] == "sensor_msgs/msg/CompressedImage"
             assert recorded.types[panel["imageMode"]["calibrationTopic"]] == "sensor_msgs/msg/CameraInfo"
@@ -143,6 +151,11 @@ def test_foxglove_shows_what_is_there(layouts, recorded):
             assert isinstance(recorded.value(panel["topicPath"]), str)
         else:
             assert recorded.types[panel["topicToRender"]] == "diagnostic_msgs/msg/DiagnosticArray"
+
+
+def test_foxglove_shows_what_is_there(layouts, recorded):
+    panels = panels_of(layouts)
+    assert_there(panels, recorded)
     joints = recorded.last["/tracker/joint_states"].name
     plotted = {path["label"]: path["value"] for path in panels["Plot!joints"]["paths"]}
     assert plotted == {name: f"/tracker/joint_states.position[{i}]" for i, name in enumerate(joints)}
@@ -285,3 +298,129 @@ def test_in_a_namespace_are_tracker_and_cameras(recording, probe, launch, tmp_pa
     probe.spin_until(lambda: named <= {name for name, _ in there()}, "all topics of the layouts")
     curves = [curve.get("name") for curve in ElementTree.parse(tmp_path / "plotjuggler/tracker.xml").getroot().iter("curve")]
     assert curves and all(curve.startswith(("/lab/tracker/state/", "/lab/tracker/joint_states/")) for curve in curves)
+
+
+@pytest.fixture(scope="module")
+def two_recorded(tmp_path_factory, ros_domain_id) -> tuple[Recording, Path]:
+    """A graph of two people, and the layouts for it."""
+    from helpers.cameras import two_people
+    from helpers.ros.graph import NodeProcess
+
+    folder = tmp_path_factory.mktemp("two")
+    recording = two_people.write_recording(folder / "two", 3)
+    rig, layouts = str(recording.parent / "rig.yaml"), folder / "layouts"
+    pipeline = NodeProcess("pipeline", recording, "--bag", folder / "bag", "--masks", "--overlays", "--markers", "--images")
+    assert pipeline.wait() == 0, pipeline.err
+    assert main(["layouts", "--rig", rig, "--bodies", str(recording), "--output", str(layouts)]) == 0
+    return Recording(folder / "bag"), layouts
+
+
+@pytest.mark.long
+def test_layouts_of_several_bodies_show_what_is_there(two_recorded):
+    recorded, layouts = two_recorded
+    panels = panels_of(layouts)
+    assert_there(panels, recorded)
+    for name, panel in panels.items():
+        check_fields(panel, [PANELS[name.partition("!")[0]]], name)
+    assert sorted(leaves(json.loads((layouts / "foxglove/tracker.json").read_text())["layout"])) == sorted(panels)
+    assert {"/tracker/one/markers", "/tracker/other/markers", "/other/robot_description"} <= set(panels["3D!body"]["topics"])
+    for body in ("one", "other"):
+        joints = recorded.last[f"/tracker/{body}/joint_states"].name
+        for path in panels[f"Plot!joints {body}"]["paths"]:
+            assert path["value"] == f"/tracker/{body}/joint_states.position[{list(joints).index(path['label'])}]"
+    config = yaml.safe_load((layouts / "rviz/tracker.rviz").read_text())["Visualization Manager"]
+    named = {display["Name"] for display in config["Displays"]}
+    for display in config["Displays"]:
+        if topic := display.get("Topic") or display.get("Description Topic"):
+            assert recorded.types[topic["Value"]] == DISPLAYS[display["Class"].removeprefix("rviz_default_plugins/")]
+        assert set(display.get("Visibility", {})) - {"Value"} <= named
+    curves = [curve.get("name") for curve in ElementTree.parse(layouts / "plotjuggler/tracker.xml").getroot().iter("curve")]
+    there = {name for topic in recorded.last if topic.endswith("state") or topic.endswith("joint_states")
+             for name in plotjuggler_names(topic, recorded.last[topic])}  # fmt: skip
+    assert len(curves) == len(set(curves)) and set(curves) <= there, set(curves) - there
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("bodies", ["one", "several"])
+def test_a_client_of_foxglove_s_protocol_is_offered_every_topic(bodies, recorded, layouts, two_recorded):
+    """The bag, read by Foxglove's reader of MCAP and served by Foxglove's SDK: what a client hears and gets."""
+    bag, folder = (recorded.bag, layouts) if bodies == "one" else (two_recorded[0].bag, two_recorded[1])
+    types, wanted = (recorded if bodies == "one" else two_recorded[0]).types, topics_of(folder)
+    wanted = {topic.partition(".")[0] for topic in wanted} & types.keys()
+    with served(bag) as url:
+        offered, first = heard(url, wanted)
+    shown = {topic for topic in wanted if topic.startswith(("/tracker/", "/cam"))}
+    assert len(shown) > 10 and shown <= offered.keys()
+    for topic in wanted:
+        channel = offered[topic]
+        assert (channel["schemaName"], channel["encoding"], channel["schemaEncoding"]) == (types[topic], "cdr", "ros2msg")
+        assert channel["schema"] and first[topic]
+
+
+@contextmanager
+def served(bag: Path) -> Iterator[str]:
+    """The last message of every topic, again and again, by the server of Foxglove's SDK on the loopback."""
+    last, channels, context, stop = {}, {}, foxglove.Context(), threading.Event()
+    (file,) = bag.glob("*.mcap")
+    with file.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            if channel.topic not in channels:
+                known = foxglove.Schema(name=schema.name, encoding=schema.encoding, data=schema.data)
+                channels[channel.topic] = foxglove.Channel(
+                    channel.topic, message_encoding=channel.message_encoding, schema=known, context=context
+                )
+            last[channel.topic] = message.data
+    server = foxglove.start_server(host="127.0.0.1", port=0, context=context)
+
+    def publish() -> None:
+        while not stop.wait(0.1):
+            for topic, data in last.items():
+                channels[topic].log(data)
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        yield f"ws://127.0.0.1:{server.port}"
+    finally:
+        stop.set()
+        thread.join()
+        server.stop()
+
+
+def heard(url: str, topics: set[str]) -> tuple[dict[str, dict], dict[str, bytes]]:
+    """Channels that a server offers, by topic, and the first message of the topics that are subscribed to."""
+    offered: dict[str, dict] = {}
+    first: dict[str, bytes] = {}
+    asked: dict[int, str] = {}
+    with connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None) as socket:
+        until_s = time.monotonic() + 60.0
+        while first.keys() != topics:
+            assert time.monotonic() < until_s, f"never came: {topics - first.keys()}"
+            said = socket.recv(timeout=30.0)
+            if isinstance(said, bytes):
+                if said[0] == 1 and (topic := asked[int.from_bytes(said[1:5], "little")]) not in first:
+                    first[topic] = said[13:]
+            elif (message := json.loads(said))["op"] == "advertise":
+                new = {channel["topic"]: channel for channel in message["channels"]}
+                offered |= new
+                wanted = [(i, channel) for i, channel in enumerate(new.values(), len(asked)) if channel["topic"] in topics]
+                asked |= {i: channel["topic"] for i, channel in wanted}
+                subscriptions = [{"id": i, "channelId": channel["id"]} for i, channel in wanted]
+                socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+    return offered, first
+
+
+@pytest.mark.long
+def test_the_bag_of_several_bodies_is_a_file_of_rerun_too(two_recorded, tmp_path):
+    pytest.importorskip("rerun", reason="the extra rerun is not installed")
+    from helpers.rerun_file import RerunFile
+
+    bag = two_recorded[0].bag
+    assert main(["rerun", str(bag), "--output", str(tmp_path / "two.rrd")]) == 0  # run.json names rig and bodies
+    file = RerunFile(tmp_path / "two.rrd")
+    with BagReader(bag) as reader:
+        for body in ("one", "other"):
+            said = [message.root_pose.position for _, message in reader.decoded(f"/tracker/{body}/state")]
+            places = file.array(f"/world/bodies/{body}/pelvis", "Transform3D:translation")
+            np.testing.assert_allclose(places, [[p.x, p.y, p.z] for p in said], rtol=1e-6, atol=1e-6)
+            assert len(file.over_time(f"/world/cameras/cam0/{body}", "LineStrips2D:strips")[1]) == len(said) == 3

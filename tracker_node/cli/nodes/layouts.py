@@ -13,7 +13,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     cameras = parser.add_mutually_exclusive_group(required=True)
     cameras.add_argument("--rig", type=Path, metavar="FILE", help="rig.yaml: names of the cameras and of the world's frame")
     cameras.add_argument("--cameras", nargs="+", metavar="NAME", help="names of the cameras, where there is no rig.yaml")
-    parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body (default: the human)")
+    body = parser.add_mutually_exclusive_group()
+    body.add_argument("--model", type=Path, metavar="FILE", help="model.yaml or URDF: the body (default: the human)")
+    body.add_argument("--bodies", type=Path, metavar="RECORDING", help="recording.yaml whose bodies are tracked together")
     parser.add_argument("--tracker", default="tracker", metavar="NAME", help="the tracker's node (default: %(default)s)")
     parser.add_argument("--namespace", default="", metavar="NS", help="of the tracker and the cameras (default: none)")
     parser.add_argument(
@@ -23,19 +25,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...errors import TrackerError
+    from ...errors import FileFormatError, TrackerError
     from ...loaders.layouts.foxglove import write_foxglove_layout
     from ...loaders.layouts.plotjuggler import write_plotjuggler_layout
     from ...loaders.layouts.rviz import write_rviz_layout
     from ...loaders.layouts.viewed_graph import ViewedGraph, joints_to_plot
     from ...loaders.model.model_yaml import load_model
+    from ...loaders.recording_yaml import load_recording
     from ...loaders.rig.rig_yaml import load_rig
     from ...model.humans.human import human_model
 
     joints = joints_to_plot(load_model(args.model) if args.model else human_model())
     rig = load_rig(args.rig) if args.rig else None
     cameras, world = (rig.names, rig.world_frame) if rig else (tuple(args.cameras), "world")
-    graph = ViewedGraph(tuple(cameras), joints, world, args.tracker.strip("/"), args.namespace)
+    bodies = {}
+    if args.bodies:
+        entries = load_recording(args.bodies).bodies
+        bodies = {name: joints_to_plot(load_model(entry.model)) for name, entry in entries.items()}
+        if not bodies:
+            raise FileFormatError(args.bodies, "bodies", "several bodies by name", "none")
+    graph = ViewedGraph(tuple(cameras), joints, world, args.tracker.strip("/"), args.namespace, bodies)
     writers = {
         "rviz/tracker.rviz": write_rviz_layout,
         "foxglove/tracker.json": write_foxglove_layout,

@@ -24,8 +24,9 @@ def plotjuggler_layout(graph: ViewedGraph) -> str:
     """The layout as XML; PlotJuggler names fields ``/topic/field``, items of arrays ``[i]``, joints by their names."""
     root = ElementTree.Element("root")
     tabs = ElementTree.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
-    for name, plots in _tabs(graph).items():
-        _add_tab(tabs, name, plots)
+    for body, own in graph.each.items():
+        for name, plots in _tabs(own).items():
+            _add_tab(tabs, f"{name} of {body}" if body else name, plots)
     ElementTree.SubElement(tabs, "currentTabIndex", index="0")
     ElementTree.SubElement(root, "use_relative_time_offset", enabled="1")
     for empty in ("Plugins", "customMathEquations", "snippets"):

@@ -9,7 +9,7 @@ from typing import Any
 from ..yaml_file import write_mapping
 from .viewed_graph import ViewedGraph
 
-_VISIBLE = ("Grid", "Frames", "Shapes", "Robot model", "Root")
+_FIXED, _OF_BODY = ("Grid", "Frames"), ("Shapes", "Robot model", "Root")
 
 
 def write_rviz_layout(graph: ViewedGraph, path: str | Path) -> None:
@@ -27,11 +27,9 @@ def rviz_layout(graph: ViewedGraph) -> dict[str, Any]:
     displays = [
         _display("Grid", "Grid", Plane="XY", Color="160; 160; 164", **{"Cell Size": 1, "Plane Cell Count": 10}),
         _display("TF", "Frames", **{"Show Names": False, "Show Arrows": False, "Marker Scale": 0.3, "Frame Timeout": 15}),
-        _display("MarkerArray", "Shapes", Topic=_topic(graph.topic("markers"), "Reliable"), Namespaces={}),
-        _robot_model(graph),
-        _display("PoseWithCovariance", "Root", Topic=_topic(graph.topic("pose"), "Reliable"), Shape="Axes", **_ROOT_LOOK),
+        *(display for body, own in graph.each.items() for display in _body(own, body)),
         *(_camera(graph, name) for name in graph.cameras),
-        *(_mask(graph, name) for name in graph.cameras),
+        *(_mask(own, name, body) for body, own in graph.each.items() for name in graph.cameras),
     ]
     return {
         "Panels": [
@@ -75,22 +73,37 @@ def _topic(name: str, reliability: str, durability: str = "Volatile") -> Mapping
     }
 
 
-def _robot_model(graph: ViewedGraph) -> dict[str, Any]:
+def _named(what: str, body: str) -> str:
+    return f"{what} of {body}" if body else what
+
+
+def _body(graph: ViewedGraph, body: str) -> list[dict[str, Any]]:
+    root = _topic(graph.topic("pose"), "Reliable")
+    return [
+        _display("MarkerArray", _named("Shapes", body), Topic=_topic(graph.topic("markers"), "Reliable"), Namespaces={}),
+        _robot_model(graph, body),
+        _display("PoseWithCovariance", _named("Root", body), Topic=root, Shape="Axes", **_ROOT_LOOK),
+    ]
+
+
+def _robot_model(graph: ViewedGraph, body: str) -> dict[str, Any]:
     """Off at first, since the markers show the true shapes; it needs robot_state_publisher."""
-    latched = _topic(graph.resolved("robot_description"), "Reliable", "Transient Local")
+    topic = graph.resolved("/".join(filter(None, (body, "robot_description"))))
+    latched = _topic(topic, "Reliable", "Transient Local")
     fields: dict[str, Any] = {"Description Source": "Topic", "Description Topic": latched, "Visual Enabled": True, "Alpha": 0.5}
-    return _display("RobotModel", "Robot model", **fields) | {"Enabled": False, "Value": False}
+    return _display("RobotModel", _named("Robot model", body), **fields) | {"Enabled": False, "Value": False}
 
 
 def _camera(graph: ViewedGraph, name: str) -> dict[str, Any]:
     """The camera's image with the shapes in it, as its calibration and place say."""
-    visible = {display: display == "Shapes" for display in _VISIBLE} | {"Value": True}
+    of_bodies = [_named(display, body) for body in graph.each for display in _OF_BODY]
+    visible = {display: display.startswith("Shapes") for display in (*_FIXED, *of_bodies)} | {"Value": True}
     fields = {"Image Rendering": "background and overlay", "Overlay Alpha": 0.5, "Visibility": visible, "Zoom Factor": 1}
     return _display("Camera", name, Topic=_topic(graph.resolved(f"{name}/image_raw"), "Best Effort"), **fields)
 
 
-def _mask(graph: ViewedGraph, name: str) -> dict[str, Any]:
-    mask = _display("Image", f"{name} mask", Topic=_topic(graph.topic(f"{name}/mask"), "Reliable"))
+def _mask(graph: ViewedGraph, name: str, body: str) -> dict[str, Any]:
+    mask = _display("Image", _named(f"{name} mask", body), Topic=_topic(graph.topic(f"{name}/mask"), "Reliable"))
     return mask | {"Enabled": False, "Value": False}  # drawn by the tracker only while somebody looks
 
 

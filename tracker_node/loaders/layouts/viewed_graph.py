@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from ...model.articulated import ArticulatedModel
 from ...model.kinematic_chain import N_ROOT_DOF
@@ -22,6 +23,7 @@ class ViewedGraph:
     world_frame : the frame that stands still.
     tracker : name of the tracker's node.
     namespace : of the tracker and the cameras.
+    bodies : of several, the names that their topics have, and the joints of each.
     """
 
     cameras: tuple[str, ...]
@@ -29,6 +31,13 @@ class ViewedGraph:
     world_frame: str = "world"
     tracker: str = "tracker"
     namespace: str = ""
+    bodies: Mapping[str, tuple[tuple[str, int], ...]] = field(default_factory=dict)
+
+    @property
+    def each(self) -> dict[str, ViewedGraph]:
+        """The graph of each body by its name; of one that is alone by ""."""
+        found = {n: replace(self, tracker=f"{self.tracker}/{n}", joints=j, bodies={}) for n, j in self.bodies.items()}
+        return found or {"": self}
 
     def topic(self, name: str) -> str:
         """A topic of the tracker."""
