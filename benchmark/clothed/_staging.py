@@ -30,6 +30,7 @@ class Stage:
     seed, traits : of the clip.
     poses : a list for each person, the tracked one first.
     t_pose : of the tracked person.
+    rotations : (n, 17, 3, 3) of its segments, `person._posing.POSED`, in the world.
     views : the cameras.
     room, people : what they see.
     """
@@ -38,6 +39,7 @@ class Stage:
     traits: Traits
     poses: list[list[Pose]]
     t_pose: Pose
+    rotations: np.ndarray
     views: list[View]
     room: Room
     people: Crowd
@@ -89,7 +91,8 @@ def set_stage(seed: int, sources: Sources, n_images: int | None = None, scale: f
     room = draw_room(size, boxes, np.concatenate([_lines(views, p) for _, p in people]), rng)
     dressed = [dress(b, draw_outfit(room.wall_color, room.floor_color, rng)) for b, _ in people]
     views = [view.scaled(scale) for view in views]
-    return Stage(seed, traits, [p for _, p in people], poser.t_pose(), views, room, crowd(dressed))
+    rotations = np.array([poser.segment_rotations(pose) for pose in poses])
+    return Stage(seed, traits, [p for _, p in people], poser.t_pose(), rotations, views, room, crowd(dressed))
 
 
 def _needed(traits: Traits, body: Body, poses: list[Pose], views: list[View], rng: np.random.Generator) -> list[np.ndarray]:

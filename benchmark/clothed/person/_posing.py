@@ -17,6 +17,12 @@ from tracker_node.synthesis.motions.motion import SEGMENTS, Motion
 
 _SEGMENT_OF = {"shoulder": "upper_arm", "elbow": "forearm", "hip": "thigh", "knee": "shank", "ankle": "foot"}
 _SIDES = (("left", 1.0), ("right", -1.0))
+POSED = {"pelvis": "pelvis", "torso": "spine3", "head": "head"} | {
+    f"{side}_{segment}": f"{side}_{joint}"
+    for side in ("left", "right")
+    for joint, segment in (("clavicle", "clavicle"), *_SEGMENT_OF.items(), ("wrist", "hand"))
+}
+"""Segments whose rotations are exact -> the joint that turns each; names are those of the tracker's human."""
 _COLLAR_FROM_RAD, _COLLAR_PART = np.deg2rad(50.0), 0.2  # beyond this elevation of the arm, the collar bone takes its part
 _ARM_RADIUS_M = 0.055  # of a sleeved forearm beside the trunk
 
@@ -72,6 +78,12 @@ class Poser:
         held = transforms[self._marker_joints]
         markers = np.einsum("nij,nj->ni", held[:, :, :3], self._marker_places) + held[:, :, 3]
         return Pose(transforms, markers)
+
+    def segment_rotations(self, pose: Pose) -> np.ndarray:
+        """World rotations (17, 3, 3) of the segments of `POSED`, body axes: identity where the body stands with hanging arms."""
+        turns = dict(zip(JOINTS, pose.transforms[:, :, :3], strict=True))
+        hang = self._hang | {f"{side}_wrist": self._hang[f"{side}_elbow"] for side, _ in _SIDES}
+        return np.array([turns[joint] @ hang.get(joint, np.eye(3)).T for joint in POSED.values()])
 
     def t_pose(self) -> Pose:
         """Standing with arms to the sides, facing +x, soles on the floor, hips above the origin."""

@@ -6,7 +6,7 @@ in the frame of its landmark's link, known on average, with a spread among peopl
 Tables of detectors other than BlazePose on the human, by the names that `loaders.keypoints.names` gives their points.
 
 Offsets of joints are not measured: their means are zero, and they are found while tracking. Points of the face are where they are
-on the head, whoever finds them. Eyes, the middle of the hips, fingers and the rest of the face have no landmark.
+on the head, whoever finds them. Eyes, the middle of the hips, fingers beyond the knuckles and the rest of the face have no landmark; knuckles only where hands turn.
 """
 
 from __future__ import annotations
@@ -68,6 +68,9 @@ BLAZEPOSE: KeypointTable = {
             "shoulder": LandmarkPoint("shoulder", (0.004, -0.004, 0.027), (0.015, 0.011, 0.013)),
             "elbow": LandmarkPoint("elbow", (0.007, 0.005, 0.017), (0.010, 0.010, 0.012)),
             "wrist": LandmarkPoint("wrist", (0.007, -0.006, -0.019), (0.010, 0.010, 0.012)),
+            "index": LandmarkPoint("index", (-0.011, -0.020, 0.012), (0.010, 0.010, 0.011)),
+            "pinky": LandmarkPoint("pinky", (0.033, -0.011, 0.005), (0.010, 0.010, 0.012)),
+            "thumb": LandmarkPoint("thumb", (-0.025, -0.013, 0.013), (0.010, 0.010, 0.012)),
             "hip": LandmarkPoint("hip", (0.033, -0.014, -0.014), (0.016, 0.018, 0.018)),
             "knee": LandmarkPoint("knee", (-0.009, -0.005, 0.011), (0.012, 0.012, 0.011), 0.205),
             "ankle": LandmarkPoint("ankle", (0.006, 0.002, 0.026), (0.010, 0.010, 0.010)),
