@@ -55,7 +55,7 @@ def test_loaders_read_a_clip(drawn):
 
 
 def test_rotations_are_those_of_the_segments(drawn):
-    """A limb's own axis, down from its joint, leads to the next joint of the truth."""
+    """A limb's own axis, down from its joint, leads to the next joint of the truth, but for what a straight leg bends."""
     folder, _, stage = drawn
     clip = load_clip(folder)
     assert set(clip.rotations) == set(POSED) and stage.rotations.shape == (1, len(POSED), 3, 3)
@@ -63,7 +63,7 @@ def test_rotations_are_those_of_the_segments(drawn):
         for side in ("left", "right"):
             along = clip.targets[0][f"{side}_{end}"] - clip.targets[0][f"{side}_{start}"]
             cosine = -clip.rotations[f"{side}_{segment}"][0, :, 2] @ along / np.linalg.norm(along)
-            assert cosine > np.cos(np.radians(4.0)), segment
+            assert cosine > np.cos(np.radians(8.5 if segment == "thigh" else 1.0)), segment
 
 
 def test_truth_lies_within_the_person_who_is_seen(drawn):

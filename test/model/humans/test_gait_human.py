@@ -1,5 +1,7 @@
 """The fuller human: the joints that gait laboratories ask for, hands and feet that are seen, and else the human itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,8 @@ from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.measures import HumanMeasures, mirrored_name
 from tracker_node.model.humans.named import HUMANS
 from tracker_node.objective.constraints.collision import CollisionObjective
+from tracker_node.tracking.config import MotionConfig
+from tracker_node.tracking.constraints import neutral_information
 from tracker_node.tracking.limbs.tree import limbs_of
 
 MODEL, PLAIN = gait_human(), human_model()
@@ -45,7 +49,14 @@ def test_in_the_neutral_pose_it_is_the_plain_human():
     assert model_stature(MODEL) == pytest.approx(model_stature(PLAIN), abs=1e-6)
     for name in PLAIN.chain.dof_names[6:]:
         one, other = (body.chain.axes[body.chain.axis_index(name)] for body in (PLAIN, MODEL))
-        assert one == other
+        assert one == replace(other, stiffness=one.stiffness)
+
+
+def test_the_prior_of_an_axis_is_the_spread_that_its_table_says():
+    information = neutral_information(MODEL.chain, MotionConfig())
+    sigmas = {name: np.degrees(value**-0.5) for name, value in zip(MODEL.chain.dof_names, information, strict=True) if value}
+    assert sigmas["torso_flexion"] == pytest.approx(9.0, rel=0.01) and sigmas["left_toes_extension"] == pytest.approx(15.0, rel=0.01)
+    assert sigmas["right_hip_flexion"] > 200.0  # nothing is said of large joints
 
 
 @pytest.mark.parametrize(("angle", "degrees", "landmark", "origin", "direction"), [
