@@ -91,7 +91,7 @@ def told(errors: list[AngleErrors], mark: str = "") -> dict[str, float | int]:
         own = [each for each in errors if each.name == name]
         if own:
             f = figures(own)
-            missed = "" if f.rms_deg <= TARGETS_DEG[kind] else "  misses"
+            missed = "  unobservable" if not f.fraction else "" if f.rms_deg <= TARGETS_DEG[kind] else "  misses"
             print(
                 f"{name:30}{f.rms_deg:7.2f}{TARGETS_DEG[kind]:8.0f}{f.raw_deg:7.2f}{f.fraction:7.2f}{f.within_2_sigma:9.2f}{missed}"
             )
