@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from ...errors import FileFormatError, TrackerError
@@ -26,8 +27,16 @@ EXAMPLE = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--model", metavar="MODEL", help="model.yaml to start from (default: the human that comes with the package)"
+        "--model", metavar="MODEL",
+        help="model.yaml to start from, or gait_human, with wrists and toes (default: the human that comes with the package)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--without", nargs="+", metavar="LINK", default=[], help="the person lacks this part and what hangs on it, e.g. left_shank"
     )
+    parser.add_argument(
+        "--replace", nargs="+", metavar="LINK=FILE", default=[],
+        help="a prosthesis (URDF or model.yaml, in its own size) in the place of such a part, e.g. left_foot=prosthesis.urdf",
+    )  # fmt: skip
     parser.add_argument("--trc", metavar="FILE", help="joints or markers of a static trial")
     add_up_arguments(parser)
     parser.add_argument(
@@ -84,6 +93,7 @@ def run(args: argparse.Namespace) -> int:
     from ...model.scaling import scaled_uniformly
 
     given = args.model or args.from_run
+    check(not (args.from_run and (args.without or args.replace)), "--without, --replace", "no --from-run, whose body has its parts")
     check(not (args.stiff_ankles and given), "--stiff-ankles", "no --model or --from-run, which have their own joints", "both")
     if args.from_run:
         return _fit_to_images(args)
@@ -97,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     check(args.joint_sigma_mm is None or 0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
     refuse_to_overwrite(args, args.output)
-    model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
+    model, prostheses = _started(args)
     sigma_m = None if args.joint_sigma_mm is None else args.joint_sigma_mm / 1000.0
     options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=args.stature)
     if not args.trc:
@@ -113,6 +123,7 @@ def run(args: argparse.Namespace) -> int:
             raise FileFormatError(args.trc, "markers", "joints of the body", str(error)) from error
         scaled = fit.model
         _print_fit(fit)
+    scaled = _completed(scaled, prostheses)
     dump_model(scaled, args.output, _comment(scaled.name, args))
     print(f"stature {model_stature(scaled):.3f} m; wrote {args.output}")
     return 0
@@ -139,7 +150,7 @@ def _from_points(args: argparse.Namespace) -> int:
     check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
     near = place_of_person(args)
     refuse_to_overwrite(args, args.output)
-    model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
+    model, prostheses = _started(args)
     config = load_config(args.config) if args.config else TrackerConfig()
     rig = load_rig(args.from_points)
     stream = SourceStream(rig, config.synchronizer, SourceOptions())
@@ -152,13 +163,46 @@ def _from_points(args: argparse.Namespace) -> int:
     except TrackerError as error:
         raise FileFormatError(args.from_points, "(images)", "a person in two cameras at once", str(error)) from error
     name = Path(args.from_points).name
-    dump_model(fit.model, args.output, f"{fit.model.name}, from points of {len(fit.rows)} image sets of {name}. Units: meters.")
+    body = _completed(fit.model, prostheses)
+    dump_model(body, args.output, f"{body.name}, from points of {len(fit.rows)} image sets of {name}. Units: meters.")
     print(f"{'length':20} {'change':>7} {'sigma':>6}   %")
     for length in fit.lengths:
         print(f"{length.name:20} {100 * length.value:+7.1f} {100 * length.sigma:6.1f}")
     print(f"points of {len(fit.rows)} of {len(people)} image sets, {fit.residual_px:.1f} px off (median)")
-    print(f"stature {model_stature(fit.model):.3f} m; wrote {args.output}")
+    print(f"stature {model_stature(body):.3f} m; wrote {args.output}")
     return 0
+
+
+def _started(args: argparse.Namespace):
+    """The body to start from, of lost parts only the bare links that others take the places of; and link -> what is put there."""
+    from ...loaders.model.model_yaml import load_model
+    from ...model.humans.human import human_model
+    from ...model.parts import without_links
+
+    model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
+    prostheses = {}
+    for text in args.replace:
+        link, found, file = text.partition("=")
+        check(found and link and file, "--replace", "LINK=FILE", text)
+        joint = next((joint for joint in model.chain.joints if joint.child == link), None)
+        check(joint, "--replace", f"a link of {model.name} but its root: {', '.join(model.chain.links[1:])}", link)
+        prostheses[link] = load_model(file)
+    unknown = [link for link in args.without if link not in model.chain.links[1:]]
+    check(not unknown, "--without", f"links of {model.name} but its root: {', '.join(model.chain.links[1:])}", *unknown[:1])
+    below = [joint.child for joint in model.chain.joints if joint.parent in prostheses]
+    left = without_links(model, [*args.without, *below])
+    shapes = tuple(shape for shape in left.shapes if shape.link not in prostheses)
+    landmarks = tuple(landmark for landmark in left.landmarks if landmark.link not in prostheses)
+    return replace(left, shapes=shapes, landmarks=landmarks), prostheses
+
+
+def _completed(model, prostheses):
+    """The body with each prosthesis in its place."""
+    from ...model.parts import with_part
+
+    for link, part in prostheses.items():
+        model = with_part(model, link, part)
+    return model
 
 
 def _of_points(args: argparse.Namespace) -> dict[str, object]:

@@ -21,6 +21,7 @@ from ...errors import UnknownNameError
 from ..articulated import ArticulatedModel
 from ..configuration import Configuration, State
 from .human import human_model
+from .measures import mirrored_name
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,7 @@ GUESSED_BONES: tuple[GuessedBone, ...] = (
 GUESSED_SIZE, GUESSED_SIZE_SIGMA = 1.055, 0.045  # meters of a body of the default size for one that is guessed
 
 _SIZED_BY = (("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("left_hip", "left_shoulder"))
+_SIZED_BY_RIGHT = tuple((mirrored_name(one), mirrored_name(other)) for one, other in _SIZED_BY)  # of who has lost the left leg
 
 
 def relative_size(model: ArticulatedModel) -> float:
@@ -154,11 +156,12 @@ def _default_lengths() -> np.ndarray:
 
 
 def _lengths(model: ArticulatedModel) -> np.ndarray:
-    """(3,) meters: thigh, shank and trunk, stretched; the default body's of one without these landmarks."""
-    if not {name for pair in _SIZED_BY for name in pair} <= set(model.landmark_names):
-        model = human_model()
+    """(3,) meters: thigh, shank and trunk, stretched; the default body's of one without these landmarks on either side."""
+    pairs = next((p for p in (_SIZED_BY, _SIZED_BY_RIGHT) if {n for pair in p for n in pair} <= set(model.landmark_names)), None)
+    if pairs is None:
+        model, pairs = human_model(), _SIZED_BY
     places = Configuration(model, State.neutral(model)).landmarks_world
-    rows = np.array([[model.landmark_index(name) for name in pair] for pair in _SIZED_BY])
+    rows = np.array([[model.landmark_index(name) for name in pair] for pair in pairs])
     return np.linalg.norm(places[rows[:, 0]] - places[rows[:, 1]], axis=1)
 
 
