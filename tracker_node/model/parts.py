@@ -40,7 +40,7 @@ def without_links(model: ArticulatedModel, links: Iterable[str]) -> ArticulatedM
     for joint in joints:
         for axis in joint.axes:
             if axis.mimic is not None and axis.mimic.leader not in axes:
-                raise ModelError(f"'{axis.name}' of '{model.name}' follows '{axis.mimic.leader}', which is among the removed parts")
+                raise ModelError(f"'{axis.name}' of '{model.name}' follows '{axis.mimic.leader}', which is among the removed")
     return replace(
         model,
         chain=KinematicChain(tuple(link for link in chain.links if link not in names), joints),

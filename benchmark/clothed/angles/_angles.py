@@ -27,7 +27,8 @@ KINDS: Mapping[str, str] = {
     "elbow_flexion": FLEXION, "elbow_pronation": AXIAL,
     "wrist_flexion": FLEXION, "wrist_ulnar_deviation": ABDUCTION,
 }  # fmt: skip
-"""Angle that the body can take -> which target holds. The plane of elevation turns about the thorax's long axis, and has no meaning in hanging arms."""
+"""Angle that the body can take -> which target holds. The plane of elevation turns about the thorax's long axis, and has no
+meaning in hanging arms."""
 
 
 def angles_with_sigmas(

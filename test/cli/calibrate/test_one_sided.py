@@ -9,7 +9,7 @@ from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import gait_human
-from tracker_node.model.humans.measures import HumanMeasures, MARKER_OF_LANDMARK
+from tracker_node.model.humans.measures import MARKER_OF_LANDMARK, HumanMeasures
 from tracker_node.model.parts import without_links
 
 FOOT = """<robot name="prosthesis">
@@ -39,6 +39,18 @@ def test_by_stature(tmp_path, foot):
     assert model_stature(body) == pytest.approx(1.9, abs=0.01)
 
 
+@pytest.mark.parametrize("model", [["--model", "gait_human"], []])
+def test_a_child(tmp_path, model):
+    child, small = tmp_path / "child.yaml", tmp_path / "small.yaml"
+    for path, options in ((child, ["--child"]), (small, [])):
+        assert main(["calibrate", "body", *model, "--stature", "1.1", *options, "-o", str(path)]) == 0
+    bodies = [load_model(path) for path in (child, small)]
+    assert [model_stature(body) for body in bodies] == pytest.approx([1.1, 1.1], abs=1e-3)
+    heads = [next(shape for shape in body.shapes if shape.name == "head").primitive.radii[2] for body in bodies]
+    assert heads[0] / heads[1] == pytest.approx((1.1 / 1.75) ** -0.36, rel=0.01)
+    assert bodies[0].chain.dof_names == bodies[1].chain.dof_names
+
+
 def test_by_a_trial(tmp_path):
     """A trial of somebody with one shank: the other leg says how long both thighs are, toes stay where they are."""
     true = without_links(gait_human(HumanMeasures.of_stature(1.9)), ["left_shank"])
@@ -61,6 +73,9 @@ def test_by_a_trial(tmp_path):
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--stature", "1.8", "--without", "left_wing"], "--without"),
+    (["--stature", "1.8", "--child"], "0.8 to 1.75 meters of a child"),
+    (["--trc", "a.trc", "--child"], "--stature alone"),
+    (["--stature", "1.2", "--child", "--model", "nurbs_human"], "no --model but gait_human"),
     (["--stature", "1.8", "--without", "pelvis"], "--without"),
     (["--stature", "1.8", "--replace", "left_foot"], "LINK=FILE"),
     (["--stature", "1.8", "--replace", "pelvis=FOOT"], "--replace"),

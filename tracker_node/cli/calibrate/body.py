@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="model.yaml to start from, or gait_human, with wrists and toes (default: the human that comes with the package)",
     )  # fmt: skip
     parser.add_argument(
-        "--without", nargs="+", metavar="LINK", default=[], help="the person lacks this part and what hangs on it, e.g. left_shank"
+        "--without", nargs="+", metavar="LINK", default=[], help="the person lacks this and what hangs on it, e.g. left_shank"
     )
     parser.add_argument(
         "--replace", nargs="+", metavar="LINK=FILE", default=[],
@@ -42,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--stature", type=float, metavar="M", help="height of the person in meters; with --trc it fixes the girths"
     )
+    parser.add_argument("--child", action="store_true", help="with --stature: in the proportions of a child of that stature")
     parser.add_argument(
         "--joint-sigma-mm",
         type=float,
@@ -87,13 +88,13 @@ def add_up_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ...calibration.body import ScalingOptions, model_stature, place_by_states, scale_to_trial
-    from ...loaders.model.model_yaml import dump_model, load_model
+    from ...loaders.model.model_yaml import dump_model
     from ...loaders.motion.trc import load_trc
-    from ...model.humans.human import human_model
     from ...model.scaling import scaled_uniformly
 
     given = args.model or args.from_run
-    check(not (args.from_run and (args.without or args.replace)), "--without, --replace", "no --from-run, whose body has its parts")
+    lacks = args.without or args.replace
+    check(not (args.from_run and lacks), "--without, --replace", "no --from-run, whose body has its parts")
     check(not (args.stiff_ankles and given), "--stiff-ankles", "no --model or --from-run, which have their own joints", "both")
     if args.from_run:
         return _fit_to_images(args)
@@ -133,9 +134,8 @@ def _from_points(args: argparse.Namespace) -> int:
     """From the points of a recording's images."""
     from ...calibration.body import model_stature
     from ...loaders.images.source import SourceOptions
-    from ...loaders.model.model_yaml import dump_model, load_model
+    from ...loaders.model.model_yaml import dump_model
     from ...loaders.rig.rig_yaml import load_rig
-    from ...model.humans.human import human_model
     from ...report.progress import StageProgress
     from ...runs.config_file import load_config
     from ...runs.image_sets import SourceStream
@@ -179,7 +179,10 @@ def _started(args: argparse.Namespace):
     from ...model.humans.human import human_model
     from ...model.parts import without_links
 
-    model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
+    if args.child:
+        model = _child(args)
+    else:
+        model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
     prostheses = {}
     for text in args.replace:
         link, found, file = text.partition("=")
@@ -194,6 +197,18 @@ def _started(args: argparse.Namespace):
     shapes = tuple(shape for shape in left.shapes if shape.link not in prostheses)
     landmarks = tuple(landmark for landmark in left.landmarks if landmark.link not in prostheses)
     return replace(left, shapes=shapes, landmarks=landmarks), prostheses
+
+
+def _child(args: argparse.Namespace):
+    from ...model.humans.human import gait_human, human_model
+    from ...model.humans.measures import CHILDREN_M, HumanMeasures
+
+    low, high = CHILDREN_M
+    check(args.stature and not args.trc and not args.from_points, "--child", "--stature alone beside it")
+    check(args.model in (None, "gait_human"), "--child", "no --model but gait_human", args.model)
+    check(low <= args.stature <= high, "--stature", f"{low} to {high} meters of a child", args.stature)
+    measures = HumanMeasures.of_child(args.stature)
+    return gait_human(measures) if args.model else human_model(measures, ankles=not args.stiff_ankles)
 
 
 def _completed(model, prostheses):

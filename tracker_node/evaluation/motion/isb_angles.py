@@ -6,10 +6,9 @@ angles are those of the turn from the proximal to the distal segment in three st
 and the last to the other (Grood & Suntay, J. Biomech. Eng. 105 (1983) 136-144): the same as three successive turns.
 
 Sources: Wu et al., J. Biomech. 35 (2002) 543-548, for ankle, hip and spine, the knee in the same way after Grood & Suntay; Wu et
-al., J. Biomech. 38 (2005) 981-992, for clavicle and arm against the thorax, elbow and wrist; toes, and the two parts of the spine,
-in the same way as ankle and spine. Signs are turned where that makes a
-positive angle do what its name says: successive right-handed turns would count extension of knee and spine and depression of arm
-and clavicle positive.
+al., J. Biomech. 38 (2005) 981-992, for clavicle and arm against the thorax, elbow and wrist; toes, and the two parts of a spine,
+in the same way as ankle and spine. Signs are turned where that makes a positive angle do what its name says: successive
+right-handed turns would count extension of knee and spine and depression of arm and clavicle positive.
 """
 
 from __future__ import annotations
@@ -46,11 +45,12 @@ class _JointAngles:
     signs: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
+_BENDS = (-1.0, 1.0, 1.0)
 _TRUNK_TABLE = (
-    _JointAngles("Spine", "pelvis", "thorax", "ZXY", ("spine_flexion", "spine_bend_right", "spine_turn_left"), (-1.0, 1.0, 1.0)),
-    _JointAngles("Lumbar", "pelvis", "lumbar", "ZXY", ("lumbar_flexion", "lumbar_bend_right", "lumbar_turn_left"), (-1.0, 1.0, 1.0)),
-    _JointAngles("Thorax", "lumbar", "thorax", "ZXY", ("thorax_flexion", "thorax_bend_right", "thorax_turn_left"), (-1.0, 1.0, 1.0)),
-    _JointAngles("Neck", "thorax", "head", "ZXY", ("neck_flexion", "neck_bend_right", "neck_turn_left"), (-1.0, 1.0, 1.0)),
+    _JointAngles("Spine", "pelvis", "thorax", "ZXY", ("spine_flexion", "spine_bend_right", "spine_turn_left"), _BENDS),
+    _JointAngles("Lumbar", "pelvis", "lumbar", "ZXY", ("lumbar_flexion", "lumbar_bend_right", "lumbar_turn_left"), _BENDS),
+    _JointAngles("Thorax", "lumbar", "thorax", "ZXY", ("thorax_flexion", "thorax_bend_right", "thorax_turn_left"), _BENDS),
+    _JointAngles("Neck", "thorax", "head", "ZXY", ("neck_flexion", "neck_bend_right", "neck_turn_left"), _BENDS),
 )
 _LIMB_TABLE = (
     _JointAngles("Hip", "pelvis", "thigh", "ZXY", ("hip_flexion", "hip_adduction", "hip_internal_rotation")),
@@ -116,7 +116,7 @@ def angles_of_segments(rotations: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     -------
     Radians (n,) by name, of every joint both of whose segments are given.
     """
-    found = {}
+    found: dict[str, np.ndarray] = {}
     for side, row, proximal, distal in _pairs(rotations, _TRUNK_TABLE, _LIMB_TABLE):
         turned = rotations[proximal], rotations[distal]
         angles = _decomposed(*turned, row, side == "left", np.ones(len(turned[0]), dtype=np.bool_))

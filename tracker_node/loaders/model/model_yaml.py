@@ -25,7 +25,8 @@ from .urdf import load_urdf
 def load_model(path: str | Path) -> ArticulatedModel:
     """Body of a model file or of a robot description (``.urdf``); meshes and textures are searched relative to its folder.
 
-    A word of `model.humans.named`, such as ``gait_human``, is that body, unless a file has this name. A model file may name a description, with the geometry that is seen.
+    A word of `model.humans.named`, such as ``gait_human``, is that body, unless a file has this name. A model file may name a
+    description, with the geometry that is seen.
 
     Raises
     ------

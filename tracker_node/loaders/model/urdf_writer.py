@@ -81,11 +81,11 @@ def _add_origin(element: ElementTree.Element, T: np.ndarray) -> None:
 
 
 def _add_inertial(link: ElementTree.Element, of_link: Inertial) -> None:
-    element, I = ElementTree.SubElement(link, "inertial"), of_link.inertia
+    element, about = ElementTree.SubElement(link, "inertial"), of_link.inertia
     ElementTree.SubElement(element, "origin", xyz=_numbers(of_link.center), rpy="0 0 0")
     ElementTree.SubElement(element, "mass", value=f"{of_link.mass:.9g}")
-    rows = {"ixx": I[0, 0], "ixy": I[0, 1], "ixz": I[0, 2], "iyy": I[1, 1], "iyz": I[1, 2], "izz": I[2, 2]}
-    ElementTree.SubElement(element, "inertia", {name: f"{value:.9g}" for name, value in rows.items()})
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": f"{about[i, j]:.9g}" for i in range(3) for j in range(i, 3)}
+    ElementTree.SubElement(element, "inertia", entries)
 
 
 def _add_visual(link: ElementTree.Element, shape: Shape) -> None:

@@ -164,7 +164,7 @@ def gait_human(measures: HumanMeasures | None = None) -> ArticulatedModel:
     -------
     20 links, 51 degrees of freedom.
     """
-    axes = _LEFT_AXES | _TRUNK_AXES | _GAIT
+    axes = {**_LEFT_AXES, **_TRUNK_AXES, **_GAIT}
     return _built("gait_human", measures or HumanMeasures(), {name: tuple(map(_spread, rows)) for name, rows in axes.items()})
 
 
@@ -177,7 +177,7 @@ def _spread(row: tuple) -> tuple:
 
 def _built(name: str, m: HumanMeasures, changes: Mapping[str, tuple]) -> ArticulatedModel:
     """The human with some joints' axes changed; where toes move, hands and feet are of several shapes."""
-    axes, detailed = _LEFT_AXES | _TRUNK_AXES | changes, "toes" in changes
+    axes, detailed = {**_LEFT_AXES, **_TRUNK_AXES, **changes}, "toes" in changes
     limb_links = (*LIMB_LINKS, "toes") if detailed else LIMB_LINKS
     links = TRUNK_LINKS + tuple(f"{side}_{link}" for side, _ in SIDES for link in limb_links)
     joints = _trunk_joints(m, axes)

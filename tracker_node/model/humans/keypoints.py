@@ -6,7 +6,8 @@ in the frame of its landmark's link, known on average, with a spread among peopl
 Tables of detectors other than BlazePose on the human, by the names that `loaders.keypoints.names` gives their points.
 
 Offsets of joints are not measured: their means are zero, and they are found while tracking. Points of the face are where they are
-on the head, whoever finds them. Eyes, the middle of the hips, fingers beyond the knuckles and the rest of the face have no landmark; knuckles only where hands turn.
+on the head, whoever finds them. Eyes, the middle of the hips, fingers beyond their knuckles and the rest of the face have no
+landmark; knuckles have one on bodies whose hands turn.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ def inertials(model: ArticulatedModel, mass_kg: float) -> dict[str, Inertial]:
     """
     segments = present(model.landmark_names)
     if not segments:
-        raise ModelError(f"masses: '{model.name}' has not the landmarks of a person (head, neck, left_shoulder, ... left_big_toe)")
+        raise ModelError(f"masses: '{model.name}' has not the landmarks of a person (head, neck, left_shoulder, ...)")
     neutral = Configuration(model, State.neutral(model))
     places = dict(zip(model.landmark_names, neutral.landmarks_world, strict=True))
     scale = mass_kg / sum(segment.mass for segment in segments)
