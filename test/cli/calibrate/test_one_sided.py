@@ -37,6 +37,8 @@ def test_by_stature(tmp_path, foot):
     box = next(shape for shape in body.shapes if shape.link == "left_foot").primitive
     assert box.size == pytest.approx((0.22, 0.07, 0.05))  # a prosthesis has the size that it has
     assert model_stature(body) == pytest.approx(1.9, abs=0.01)
+    assert main([*command, "--without", "left_shank", "right_foot"]) == 0  # 1.9 m is what they would be with their feet
+    assert load_model(out).chain.offsets[1] == pytest.approx(gait_human(HumanMeasures.of_stature(1.9)).chain.offsets[1], abs=1e-6)
 
 
 @pytest.mark.parametrize("model", [["--model", "gait_human"], []])

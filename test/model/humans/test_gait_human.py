@@ -144,6 +144,7 @@ def test_its_limbs_are_arms_and_legs_with_hands_and_toes():
 def test_humans_are_called_by_name_wherever_a_model_is(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert load_model(name).chain.dof_names == HUMANS[name]().chain.dof_names
+    assert load_model(tmp_path / name).name == HUMANS[name]().name  # as a run notes it
     dump_model(PLAIN, tmp_path / name)  # a file of that name comes first
     assert load_model(name).name == "human"
 

@@ -108,11 +108,13 @@ def run(args: argparse.Namespace) -> int:
     check(args.joint_sigma_mm is None or 0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
     refuse_to_overwrite(args, args.output)
-    model, prostheses = _started(args)
+    model, prostheses, whole = _started(args)
+    # Who lacks both feet still has the stature that a whole body of this size has
+    stature = args.stature and args.stature * model_stature(model) / model_stature(whole)
     sigma_m = None if args.joint_sigma_mm is None else args.joint_sigma_mm / 1000.0
-    options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=args.stature)
+    options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=stature)
     if not args.trc:
-        scaled = scaled_uniformly(model, args.stature / model_stature(model))
+        scaled = scaled_uniformly(model, stature / model_stature(model))
     elif args.states:
         scaled = place_by_states(model, load_trc(args.trc, args.y_up), args.states, options)
         print(f"placed the landmarks of {model.name} by the states of {args.states}")
@@ -150,7 +152,7 @@ def _from_points(args: argparse.Namespace) -> int:
     check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
     near = place_of_person(args)
     refuse_to_overwrite(args, args.output)
-    model, prostheses = _started(args)
+    model, prostheses, _ = _started(args)
     config = load_config(args.config) if args.config else TrackerConfig()
     rig = load_rig(args.from_points)
     stream = SourceStream(rig, config.synchronizer, SourceOptions())
@@ -174,7 +176,8 @@ def _from_points(args: argparse.Namespace) -> int:
 
 
 def _started(args: argparse.Namespace):
-    """The body to start from, of lost parts only the bare links that others take the places of; and link -> what is put there."""
+    """The body to start from, of lost parts only the bare links that others take the places of; link -> what is put there; and the
+    whole body."""
     from ...loaders.model.model_yaml import load_model
     from ...model.humans.human import human_model
     from ...model.parts import without_links
@@ -196,7 +199,7 @@ def _started(args: argparse.Namespace):
     left = without_links(model, [*args.without, *below])
     shapes = tuple(shape for shape in left.shapes if shape.link not in prostheses)
     landmarks = tuple(landmark for landmark in left.landmarks if landmark.link not in prostheses)
-    return replace(left, shapes=shapes, landmarks=landmarks), prostheses
+    return replace(left, shapes=shapes, landmarks=landmarks), prostheses, model
 
 
 def _child(args: argparse.Namespace):

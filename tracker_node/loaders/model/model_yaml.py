@@ -33,7 +33,7 @@ def load_model(path: str | Path) -> ArticulatedModel:
     FileFormatError : naming file and field, also for a cycle, an unknown link or a repeated name.
     """
     if is_named(path):
-        return HUMANS[str(path)]()
+        return HUMANS[Path(path).name]()
     if Path(path).suffix.lower() in (".urdf", ".xacro"):
         return load_urdf(path)
     content = read_mapping(path)
@@ -47,8 +47,8 @@ def load_model(path: str | Path) -> ArticulatedModel:
 
 
 def is_named(path: str | Path) -> bool:
-    """True for a word that names a body of the package, of which there is no file."""
-    return str(path) in HUMANS and not Path(path).exists()
+    """True for a word that names a body of the package, in whatever folder, where there is no such file."""
+    return Path(path).name in HUMANS and not Path(path).exists()
 
 
 def _build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:

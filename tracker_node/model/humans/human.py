@@ -107,7 +107,7 @@ _GAIT_SPREADS_DEG = {
 _STIFFNESS_OF_RADIAN = 18.0  # of a spread of one radian, where `motion.neutral_angle` has its default
 _SKIN, _SHIRT, _SHORTS = (205, 160, 135), (70, 110, 160), (60, 60, 75)
 _COLORS = {
-    "pelvis": _SHORTS, "abdomen": _SHIRT, "torso": (90, 130, 180), "head": _SKIN, "neck": (190, 145, 120),
+    "pelvis": _SHORTS, "hips": _SHORTS, "abdomen": _SHIRT, "torso": (90, 130, 180), "head": _SKIN, "neck": (190, 145, 120),
     "left_clavicle": (80, 140, 150), "left_upper_arm": (215, 140, 90), "left_forearm": (230, 170, 110), "left_hand": _SKIN,
     "right_clavicle": (90, 120, 190), "right_upper_arm": (120, 170, 90), "right_forearm": (150, 200, 120), "right_hand": _SKIN,
     "left_thigh": (190, 90, 90), "left_shank": (220, 130, 130), "left_foot": (150, 70, 70),
@@ -181,7 +181,7 @@ def _built(name: str, m: HumanMeasures, changes: Mapping[str, tuple]) -> Articul
     limb_links = (*LIMB_LINKS, "toes") if detailed else LIMB_LINKS
     links = TRUNK_LINKS + tuple(f"{side}_{link}" for side, _ in SIDES for link in limb_links)
     joints = _trunk_joints(m, axes)
-    shapes = _trunk_shapes(m)
+    shapes = _trunk_shapes(m, detailed)
     landmarks = [
         Landmark("neck", "torso", (m.neck_x, 0.0, m.neck_z)),
         Landmark("head", "head", (m.head_x, 0.0, m.head_top)),
@@ -248,9 +248,16 @@ def _cone(bottom: tuple[float, float], top: float, z1: float, z2: float) -> Trun
     return TruncatedCone(bottom[0] / scale, bottom[1] / scale, k, z1, z2)
 
 
-def _trunk_shapes(m: HumanMeasures) -> list[Shape]:
+def _trunk_shapes(m: HumanMeasures, detailed: bool) -> list[Shape]:
     overlap = m.overlap
     pelvis = _cone(m.buttock_radii, m.waist_radii[1] / m.buttock_radii[1], -m.crotch_depth, m.pelvis_length + overlap)
+    hips = _shape("pelvis", "pelvis", pelvis, _at(0.5 * m.spine_x, 0.0, 0.0))
+    if detailed:
+        # Round, since clothes hide how it is tilted: straight sides of a cone would tell what they do not know
+        low, high = -1.25 * m.crotch_depth, m.pelvis_length + 1.1 * overlap
+        hips = _shape(
+            "hips", "pelvis", Ellipsoid((*m.buttock_radii, 0.5 * (high - low))), _at(0.5 * m.spine_x, 0.0, 0.5 * (high + low))
+        )
     abdomen = _cone(m.waist_radii, m.chest_base_radii[1] / m.waist_radii[1], -overlap, m.abdomen_length + overlap)
     torso = _cone(m.chest_base_radii, m.chest_radii[1] / m.chest_base_radii[1], -overlap, m.chest_top)
     neck = TruncatedCone(m.neck_radius, m.neck_radius, m.neck_taper / m.scale, -m.neck_depth, m.head_top - 1.5 * m.head_radii[2])
@@ -258,7 +265,7 @@ def _trunk_shapes(m: HumanMeasures) -> list[Shape]:
     tilt = np.arctan2(m.head_x, m.head_top - m.head_radii[2])
     neck_place = se3.from_rotation_translation(so3.exp([0.0, float(tilt), 0.0]), np.zeros(3))
     return [
-        _shape("pelvis", "pelvis", pelvis, _at(0.5 * m.spine_x, 0.0, 0.0)),
+        hips,
         _shape("abdomen", "abdomen", abdomen, _at(-0.5 * m.spine_x, 0.0, 0.0)),
         _shape("torso", "torso", torso, _at(0.0, 0.0, 0.0)),
         _shape("neck", "head", neck, neck_place),
