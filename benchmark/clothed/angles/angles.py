@@ -23,10 +23,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
+from benchmark.clothed._clip import write_clip
 from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import ClothedClip, load_clip
 from benchmark.clothed._runs import OWN_BODY_SETS, TOGETHER, settings
+from benchmark.clothed._staging import Sources, set_stage
 from benchmark.clothed.angles._angles import KINDS, TARGETS_DEG, AngleErrors, angles_with_sigmas, errors_of, figures
+from benchmark.clothed.person._body import MANNEQUIN
 from benchmark.contour._runs import print_circumstances
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.evaluation.motion.isb_angles import angles_of_segments
@@ -37,7 +40,7 @@ from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.keypoints.body_from_points import body_from_points
 from tracker_node.tracking.tracker import Tracker
 
-QUICK_CLIPS, QUICK_SETS = 1, 30
+QUICK_CLIPS, QUICK_SETS = 1, 12
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -45,6 +48,9 @@ def main(arguments: list[str] | None = None) -> int:
     cv2.setNumThreads(1)
     try:
         folders = args.clips or [folder for seed in range(1, 9) if (folder := args.drawn / f"clip_{seed}").is_dir()]
+        if args.quick and not folders:
+            folders = [args.output / "clip_4"]
+            write_clip(set_stage(4, Sources(args.drawn, None, MANNEQUIN, "guard", hands=True), QUICK_SETS), folders[0])
         if not folders:
             raise SourceError(args.drawn, "no clips; draw them by benchmark/clothed/draw_clips.py")
         errors: list[AngleErrors] = []
@@ -109,7 +115,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--quick", action="store_true", help="one clip, its first image sets")
+    add("--quick", action="store_true", help="one clip's first image sets; a mannequin's where none are drawn")
     add("--json", type=Path, metavar="FILE", help="write the figures there")
     add("--clips", nargs="+", type=Path, metavar="FOLDER", help="these clips")
     add("--drawn", type=Path, default=Path("out/clothed"), metavar="FOLDER", help="of clip_1 to clip_8 (default: %(default)s)")
