@@ -176,8 +176,8 @@ def _from_points(args: argparse.Namespace) -> int:
 
 
 def _started(args: argparse.Namespace):
-    """The body to start from, of lost parts only the bare links that others take the places of; link -> what is put there; and the
-    whole body."""
+    """The body to start from, of lost parts only the bare links that others take the places of; link -> what is put there; and
+    the whole body."""
     from ...loaders.model.model_yaml import load_model
     from ...model.humans.human import human_model
     from ...model.parts import without_links
