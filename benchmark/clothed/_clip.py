@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.clothed._cameras import View, rig_of
+from benchmark.clothed._recording import ROTATIONS
 from benchmark.clothed._sensor import Sensor, draw_sensor
 from benchmark.clothed._staging import Stage
 from benchmark.clothed.person._body import MARKERS
 from benchmark.clothed.person._clothes import PATTERNS, SHIRT, TROUSERS
 from benchmark.clothed.person._motions import RATE_HZ
-from benchmark.clothed.person._posing import Pose, skin
+from benchmark.clothed.person._posing import POSED, Pose, skin
 from benchmark.clothed.render._empty_scene import EmptyScene, draw_empty_scene
 from benchmark.clothed.render._people import draw_people, moment
 from benchmark.clothed.render._raster import nearest, project
@@ -38,6 +39,7 @@ def write_clip(stage: Stage, folder: Path) -> None:
     write_rig_file(rig_file_of(rig_of(stage.views)), folder / "rig.yaml")
     write_markers(stage.truth, folder / "truth.trc")
     write_markers(np.repeat((stage.t_pose.markers @ _FACING.T)[None], _STATIC_ROWS, axis=0), folder / "static.trc")
+    np.savez_compressed(folder / ROTATIONS, names=list(POSED), rotations=stage.rotations)
     (folder / "clip.json").write_text(json.dumps(description(stage), indent=2) + "\n", encoding="utf-8")
     scenes = [draw_empty_scene(stage.room, view.K, view.T_world_cam, view.size) for view in stage.views]
     sensors = [_write_still(stage, number, scene, folder) for number, scene in enumerate(scenes)]

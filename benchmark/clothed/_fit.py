@@ -25,6 +25,7 @@ from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import ClothedClip, load_clip
 from benchmark.clothed._runs import TOGETHER, settings
 from tracker_node.calibration.pose import fit_state_to_landmarks
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
@@ -199,6 +200,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], epilog="example: ... _fit out/clothed/clip_1")
     parser.add_argument("clips", nargs="*", type=Path, metavar="DIR", help="folders of training clips")
     parser.add_argument("--lengths", type=Path, metavar="FILE", help="of people, instead of clips")
+    parser.add_argument("--model", metavar="MODEL", help="body to be scaled to the clips (default: the human with ankles)")
     parser.add_argument("--cache", type=Path, default=Path("out/clothed/people.sqlite"), help="what the network has found")
     args = parser.parse_args()
     if args.lengths:
@@ -208,7 +210,7 @@ def main() -> None:
         parser.error("expected folders of clips, or --lengths")
     people, offsets, errors, surfaces, guesses, ratios = KeptPeople(pose_weights(), args.cache), [], [], [], [], []
     for folder in args.clips:
-        clip = load_clip(folder)
+        clip = load_clip(folder, load_model(args.model) if args.model else None)
         points, found = PointOffsetFit(clip), [np.zeros((len(clip.model.shapes), N_UNKNOWNS))]
         for image_set, state, tracker in tracked(clip, people):
             points.add(image_set, state)

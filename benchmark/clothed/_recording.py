@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.tracking.limbs.tree import limbs_of
 
 RATE_HZ = 30.0
+ROTATIONS = "rotations.npz"  # of the segments, as `_clip` writes them
 JOINTS = tuple(f"{side}_{joint}" for joint in PAIRED for side in SIDES)
 ENDS = tuple(JOINTS.index(end) for end in LIMBS.values())  # of the limbs, in the order of `LIMBS`
 LIMB_NAMES = tuple(f"{side}_{'hand' if 'arm' in limb else 'foot'}" for limb in LIMBS for side in [limb.split()[0]])
@@ -47,6 +48,7 @@ class ClothedClip:
     rig, model : cameras, and the body scaled to ``static.trc``.
     truth_m : (n, 12, 3) world, joints in the order of `JOINTS`.
     targets : landmark -> place (3,) in each image set, of all that the truth has.
+    rotations : segment -> ``R_world_segment`` (n, 3, 3), of clips that have them.
     """
 
     name: str
@@ -55,6 +57,7 @@ class ClothedClip:
     model: ArticulatedModel
     truth_m: np.ndarray
     targets: list[dict[str, np.ndarray]]
+    rotations: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.truth_m)
@@ -84,8 +87,17 @@ class ClothedClip:
         return map(self.image_set, range(first, min(len(self) if end is None else end, len(self))))
 
 
-def load_clip(folder: Path) -> ClothedClip:
+def load_clip(folder: Path, body: ArticulatedModel | None = None) -> ClothedClip:
     """The clip of a folder.
+
+    Parameters
+    ----------
+    folder : of the clip.
+    body : to be scaled to its static trial; None: the human with ankles.
+
+    Returns
+    -------
+    The clip.
 
     Raises
     ------
@@ -94,14 +106,32 @@ def load_clip(folder: Path) -> ClothedClip:
     """
     if not folder.is_dir():
         raise SourceError(folder, "no such folder")
-    model = scale_to_trial(human_model(ankles=True), load_trc(folder / "static.trc")).model
+    model = scale_to_trial(body or human_model(ankles=True), load_trc(folder / "static.trc")).model
     markers = load_trc(folder / "truth.trc")
     targets = [targets_of(model, markers, row) for row in range(len(markers))]
     missing = [joint for joint in JOINTS if any(joint not in row for row in targets)]
     if missing:
         raise FileFormatError(folder / "truth.trc", missing[0], "a place in every row", "none")
     truth = np.array([[row[joint] for joint in JOINTS] for row in targets])
-    return ClothedClip(folder.name, folder, load_rig(folder / "rig.yaml"), model, truth, targets)
+    rotations = _rotations(folder / ROTATIONS)
+    _add_hands(model, targets, rotations)
+    return ClothedClip(folder.name, folder, load_rig(folder / "rig.yaml"), model, truth, targets, rotations)
+
+
+def _rotations(path: Path) -> dict[str, np.ndarray]:
+    if not path.is_file():
+        return {}
+    with np.load(path, allow_pickle=False) as arrays:
+        return dict(zip(arrays["names"].tolist(), np.swapaxes(arrays["rotations"], 0, 1), strict=True))
+
+
+def _add_hands(model: ArticulatedModel, targets: list[dict[str, np.ndarray]], rotations: dict[str, np.ndarray]) -> None:
+    """Targets for what a body has on its hands: about the true wrist, turned as the true hand is."""
+    for mark in model.landmarks:
+        side, _, link = mark.link.partition("_")
+        if link == "hand" and mark.link in rotations:
+            for row, R in zip(targets, rotations[mark.link], strict=True):
+                row[mark.name] = row[f"{side}_wrist"] + R @ mark.position
 
 
 def default_folders(drawn: Path) -> list[Path]:

@@ -11,7 +11,7 @@ from benchmark.clothed._cameras import View, draw_cameras
 from benchmark.clothed._traits import Traits, draw_outfit, draw_traits
 from benchmark.clothed.person._body import Body, load_body
 from benchmark.clothed.person._clothes import dress
-from benchmark.clothed.person._motions import draw_motion, passing_by
+from benchmark.clothed.person._motions import bend_hands, draw_motion, passing_by
 from benchmark.clothed.person._posing import Pose, Poser, skin
 from benchmark.clothed.render._people import Crowd, crowd
 from benchmark.clothed.render._room import Room, draw_room, draw_size
@@ -30,6 +30,7 @@ class Stage:
     seed, traits : of the clip.
     poses : a list for each person, the tracked one first.
     t_pose : of the tracked person.
+    rotations : (n, 17, 3, 3) of its segments, `person._posing.POSED`, in the world.
     views : the cameras.
     room, people : what they see.
     """
@@ -38,6 +39,7 @@ class Stage:
     traits: Traits
     poses: list[list[Pose]]
     t_pose: Pose
+    rotations: np.ndarray
     views: list[View]
     room: Room
     people: Crowd
@@ -50,12 +52,13 @@ class Stage:
 
 @dataclass(frozen=True)
 class Sources:
-    """Where bodies and captured clips lie, and what is taken instead of a seed's choice."""
+    """Where bodies and captured clips lie, and what is taken instead of a seed's choice; ``hands``: they bend at the wrists."""
 
     bodies: Path
     clips: Path | None
     body: str | None = None
     motion: str | None = None
+    hands: bool = False
 
 
 def set_stage(seed: int, sources: Sources, n_images: int | None = None, scale: float = 1.0) -> Stage:
@@ -77,7 +80,8 @@ def set_stage(seed: int, sources: Sources, n_images: int | None = None, scale: f
     body = load_body(traits.cast.body, sources.bodies)
     poser = Poser(body)
     motion = draw_motion(traits.motion, n_images or traits.n_images, rng, sources.clips)
-    poses = _centered(poser.follow(motion, traits.motion.is_planted))
+    hands = bend_hands(len(motion), np.random.default_rng([10, seed])) if sources.hands else None
+    poses = _centered(poser.follow(motion, traits.motion.is_planted, hands))
     truth = np.array([pose.markers for pose in poses])
     size = draw_size(rng)
     views = draw_cameras(_around(truth), body.stature, size[0], rng)
@@ -89,7 +93,8 @@ def set_stage(seed: int, sources: Sources, n_images: int | None = None, scale: f
     room = draw_room(size, boxes, np.concatenate([_lines(views, p) for _, p in people]), rng)
     dressed = [dress(b, draw_outfit(room.wall_color, room.floor_color, rng)) for b, _ in people]
     views = [view.scaled(scale) for view in views]
-    return Stage(seed, traits, [p for _, p in people], poser.t_pose(), views, room, crowd(dressed))
+    rotations = np.array([poser.segment_rotations(pose) for pose in poses])
+    return Stage(seed, traits, [p for _, p in people], poser.t_pose(), rotations, views, room, crowd(dressed))
 
 
 def _needed(traits: Traits, body: Body, poses: list[Pose], views: list[View], rng: np.random.Generator) -> list[np.ndarray]:

@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
         else:
             if args.motions is None:
                 raise SourceError("bullet_motions", "name the folder of the captured clips with --motions or TRACKER_SHARED_DATA")
-            sources = Sources(args.bodies, Path(args.motions), args.body, args.motion)
+            sources = Sources(args.bodies, Path(args.motions), args.body, args.motion, args.hands)
             figures = draw(args.seeds, args.output, sources, args.sets)
     except TrackerError as error:
         print(f"draw_clips: error: {error}", file=sys.stderr)
@@ -93,6 +93,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
     parser.add_argument("--body", metavar="NAME", help=f"this body, e.g. {MANNEQUIN}, which needs no first step")
     parser.add_argument("--motion", choices=MOTIONS, metavar="NAME", help=f"this motion: {', '.join(MOTIONS)}")
+    parser.add_argument("--hands", action="store_true", help="hands bend at the wrists, which are straight else")
     parser.add_argument("--sets", type=int, metavar="N", help="image sets (default: 60 to 90, by the seed)")
     parser.add_argument("--quick", action="store_true", help="two image sets of a mannequin, thrown away")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the metrics there, too")

@@ -20,7 +20,7 @@ from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file
-from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.runs.config_file import load_config
 
@@ -68,7 +68,7 @@ def test_limits_on_the_page_are_those_of_the_human(repository):
             low, high = (-float(limit.strip()[1:]), float(limit.strip()[1:])) if "±" in limit else map(float, limit.split(".."))
             for side in ("left", "right") if "*" in name else ("",):
                 documented[name.replace("*", side)] = (low, high)
-    human = human_model(ankles=True)
+    human = gait_human()
     degrees = {a.name: (round(a.lower * 57.29577951308232, 6), round(a.upper * 57.29577951308232, 6)) for a in human.chain.axes}
     assert documented == degrees
 

@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tracker_node.errors import FileFormatError
+from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.recording_yaml import RecordingFile, load_recording
 
 WHOLE = """
@@ -62,6 +63,13 @@ def test_what_is_left_out(folder):
     recording = load_recording(written(folder, "rig: rig.yaml\nmodel: person.yaml\noutput: /tmp/elsewhere\n"))
     assert recording.initial_state is None and recording.evaluate is None and recording.sources == {}
     assert recording.output == "/tmp/elsewhere"
+
+
+def test_a_model_may_be_a_body_by_its_name(folder):
+    text = "rig: rig.yaml\nmodel: gait_human\noutput: run\n"
+    assert load_model(load_recording(written(folder, text)).model).n_dof == 51
+    (folder / "gait_human").touch()  # a file comes first
+    assert load_recording(written(folder, text)).model == str(folder / "gait_human")
 
 
 def test_sources_by_camera(folder):

@@ -258,7 +258,7 @@ def place_landmarks(
             positions[name] = axis * (axis @ position)
     if options.symmetric:
         mirror = np.array([1.0, -1.0, 1.0])
-        twins = {name: positions.get(mirrored_name(name), position) for name, position in positions.items()}
+        twins = {name: positions.get(mirrored_name(name), mirror * position) for name, position in positions.items()}
         positions = {name: 0.5 * (position + mirror * twins[name]) for name, position in positions.items()}
     return with_landmarks(model, positions)
 

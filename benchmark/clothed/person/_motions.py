@@ -87,6 +87,22 @@ def _captured(choice: MotionChoice, n_images: int, clips: Path | None) -> Motion
     return within(motion, _RADIUS_M).centered()
 
 
+def bend_hands(n_images: int, rng: np.random.Generator) -> np.ndarray:
+    """Flexion and ulnar deviation of the wrists: up to 50 and 15 degrees, each at a slow rhythm of its own.
+
+    Parameters
+    ----------
+    n_images : at 30 Hz.
+    rng : of rhythms.
+
+    Returns
+    -------
+    (n_images, 2, 2) radians: left and right.
+    """
+    turns = rng.uniform(0.3, 0.7, (2, 2)) * np.arange(n_images)[:, None, None] / RATE_HZ + rng.uniform(size=(2, 2))
+    return np.radians([50.0, 15.0]) * np.sin(2.0 * np.pi * turns)
+
+
 def mirrored(motion: Motion) -> Motion:
     """Left and right exchanged."""
     swap = [SEGMENTS.index(_other_side(name)) for name in SEGMENTS]

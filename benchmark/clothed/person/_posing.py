@@ -17,6 +17,12 @@ from tracker_node.synthesis.motions.motion import SEGMENTS, Motion
 
 _SEGMENT_OF = {"shoulder": "upper_arm", "elbow": "forearm", "hip": "thigh", "knee": "shank", "ankle": "foot"}
 _SIDES = (("left", 1.0), ("right", -1.0))
+POSED = {"pelvis": "pelvis", "torso": "spine3", "head": "head"} | {
+    f"{side}_{segment}": f"{side}_{joint}"
+    for side in ("left", "right")
+    for joint, segment in (("clavicle", "clavicle"), *_SEGMENT_OF.items(), ("wrist", "hand"))
+}
+"""Segments whose rotations are exact -> the joint that turns each; names are those of the tracker's human."""
 _COLLAR_FROM_RAD, _COLLAR_PART = np.deg2rad(50.0), 0.2  # beyond this elevation of the arm, the collar bone takes its part
 _ARM_RADIUS_M = 0.055  # of a sleeved forearm beside the trunk
 
@@ -44,19 +50,20 @@ class Poser:
         self._hang = _hanging(body)
         self._spread = _spread(body)
 
-    def pose(self, rotations: dict[str, np.ndarray], hips: np.ndarray) -> Pose:
+    def pose(self, rotations: dict[str, np.ndarray], hips: np.ndarray, hands: np.ndarray | None = None) -> Pose:
         """One pose.
 
         Parameters
         ----------
         rotations : segment -> world rotation (3, 3), body axes.
         hips : (3,) point midway between the hips, world.
+        hands : (2, 2) flexion and ulnar deviation of the wrists, left and right, radians; None: straight.
 
         Returns
         -------
         The pose.
         """
-        turns = self._turns(self._spread_arms(rotations))
+        turns = self._turns(self._spread_arms(rotations), np.zeros((2, 2)) if hands is None else hands)
         rest = self.body.joints
         places = np.zeros_like(rest)
         for i, parent in enumerate(PARENTS.values()):
@@ -73,6 +80,12 @@ class Poser:
         markers = np.einsum("nij,nj->ni", held[:, :, :3], self._marker_places) + held[:, :, 3]
         return Pose(transforms, markers)
 
+    def segment_rotations(self, pose: Pose) -> np.ndarray:
+        """World rotations (17, 3, 3) of the segments of `POSED`, body axes: identity where the body stands with hanging arms."""
+        turns = dict(zip(JOINTS, pose.transforms[:, :, :3], strict=True))
+        hang = self._hang | {f"{side}_wrist": self._hang[f"{side}_elbow"] for side, _ in _SIDES}
+        return np.array([turns[joint] @ hang.get(joint, np.eye(3)).T for joint in POSED.values()])
+
     def t_pose(self) -> Pose:
         """Standing with arms to the sides, facing +x, soles on the floor, hips above the origin."""
         rotations = {segment: np.eye(3) for segment in SEGMENTS}
@@ -82,7 +95,7 @@ class Poser:
         pose = self.pose(rotations, np.zeros(3))
         return pose.moved(np.array([0.0, 0.0, -lowest(self.body, pose)]))
 
-    def follow(self, motion: Motion, planted: bool) -> list[Pose]:
+    def follow(self, motion: Motion, planted: bool, hands: np.ndarray | None = None) -> list[Pose]:
         """The body through a motion that is scaled to its legs, on the floor z = 0.
 
         Parameters
@@ -90,6 +103,7 @@ class Poser:
         motion : any.
         planted : the feet stand still: root positions are then the path of the feet's middle. Otherwise the floor is where the
             lowest point of the body is most of the time.
+        hands : (n, 2, 2), as of `pose`.
 
         Returns
         -------
@@ -97,8 +111,8 @@ class Poser:
         """
         hips = motion.root_positions * (self.body.leg_length / motion.leg_length)
         poses = [
-            self.pose(dict(zip(SEGMENTS, rotations, strict=True)), at)
-            for rotations, at in zip(motion.rotations, hips, strict=True)
+            self.pose(dict(zip(SEGMENTS, rotations, strict=True)), at, None if hands is None else hands[i])
+            for i, (rotations, at) in enumerate(zip(motion.rotations, hips, strict=True))
         ]
         floors = np.array([lowest(self.body, pose) for pose in poses])
         if not planted:
@@ -108,18 +122,19 @@ class Poser:
             for pose, at, floor in zip(poses, hips, floors, strict=True)
         ]
 
-    def _turns(self, rotations: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def _turns(self, rotations: dict[str, np.ndarray], hands: np.ndarray) -> dict[str, np.ndarray]:
         """World rotation of every joint from its rest pose."""
         pelvis, torso, head = (rotations[name] for name in ("pelvis", "torso", "head"))
         bend, nod = so3.log(pelvis.T @ torso), so3.log(torso.T @ head)
         turns = {"pelvis": pelvis, "neck": torso @ so3.exp(0.5 * nod), "head": head}
         for i, joint in enumerate(("spine1", "spine2", "spine3"), start=1):
             turns[joint] = pelvis @ so3.exp(bend * i / 3.0)
-        for side, sign in _SIDES:
+        for (side, sign), (flexion, deviation) in zip(_SIDES, hands, strict=True):
             turns[f"{side}_clavicle"] = torso @ _collar(torso.T @ rotations[f"{side}_upper_arm"], sign)
             for joint, segment in _SEGMENT_OF.items():
                 turns[f"{side}_{joint}"] = rotations[f"{side}_{segment}"] @ self._hang[f"{side}_{joint}"]
-            turns[f"{side}_wrist"] = turns[f"{side}_elbow"]
+            bent = so3.exp([-sign * flexion, 0.0, 0.0]) @ so3.exp([0.0, deviation, 0.0])  # palms face inward
+            turns[f"{side}_wrist"] = rotations[f"{side}_forearm"] @ bent @ self._hang[f"{side}_elbow"]
         return turns
 
     def _spread_arms(self, rotations: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

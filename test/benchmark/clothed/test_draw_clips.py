@@ -9,12 +9,14 @@ import pytest
 
 from benchmark.clothed import draw_clips
 from benchmark.clothed._clip import joints_inside, write_clip
+from benchmark.clothed._recording import load_clip
 from benchmark.clothed._staging import Sources, set_stage
 from benchmark.clothed.person._body import MARKERS, load_body, mannequin_body
-from benchmark.clothed.person._motions import PROCEDURAL, MotionChoice, draw_motion, mirrored
-from benchmark.clothed.person._posing import Poser, lowest
+from benchmark.clothed.person._motions import PROCEDURAL, MotionChoice, bend_hands, draw_motion, mirrored
+from benchmark.clothed.person._posing import POSED, Poser, lowest
 from benchmark.clothed.render._raster import project
 from tracker_node.errors import SourceError
+from tracker_node.evaluation.motion.isb_angles import angles_of_segments
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.rig.rig_yaml import load_rig
 
@@ -35,7 +37,7 @@ def drawn(tmp_path_factory):
 def test_a_seed_gives_the_same_files(drawn):
     first, second, _ = drawn
     files = sorted(path.relative_to(first) for path in first.rglob("*") if path.is_file())
-    assert len(files) == 12  # four images, four stills, rig, two TRC files, description
+    assert len(files) == 13  # four images, four stills, rig, two TRC files, rotations, description
     for file in files:
         assert (first / file).read_bytes() == (second / file).read_bytes(), file
 
@@ -51,6 +53,29 @@ def test_loaders_read_a_clip(drawn):
         np.testing.assert_allclose(pixels, project(view.matrix, stage.truth[0])[:, :2], atol=1e-6)
         for image in (folder / camera.name / "0000.jpg", folder / "stills" / f"{camera.name}.jpg"):
             assert cv2.imread(str(image)).shape == (120, 160, 3)
+
+
+def test_rotations_are_those_of_the_segments(drawn):
+    """A limb's own axis, down from its joint, leads to the next joint of the truth, but for what a straight leg bends."""
+    folder, _, stage = drawn
+    clip = load_clip(folder)
+    assert set(clip.rotations) == set(POSED) and stage.rotations.shape == (1, len(POSED), 3, 3)
+    for segment, start, end in (("upper_arm", "shoulder", "elbow"), ("forearm", "elbow", "wrist"), ("thigh", "hip", "knee")):
+        for side in ("left", "right"):
+            along = clip.targets[0][f"{side}_{end}"] - clip.targets[0][f"{side}_{start}"]
+            cosine = -clip.rotations[f"{side}_{segment}"][0, :, 2] @ along / np.linalg.norm(along)
+            assert cosine > np.cos(np.radians(8.5 if segment == "thigh" else 1.0)), segment
+
+
+def test_hands_bend_where_that_is_asked():
+    stage = set_stage(SEED, Sources(Path("none"), None, body="mannequin", motion="guard", hands=True), n_images=25, scale=0.25)
+    turns = dict(zip(POSED, stage.rotations.swapaxes(0, 1), strict=True))
+    angles = angles_of_segments(turns)
+    asked = bend_hands(25, np.random.default_rng([10, SEED]))
+    for k, side in enumerate(("left", "right")):
+        np.testing.assert_allclose(angles[f"{side}_wrist_flexion"], asked[:, k, 0], atol=1e-9)
+        np.testing.assert_allclose(angles[f"{side}_wrist_ulnar_deviation"], asked[:, k, 1], atol=1e-9)
+    assert np.ptp(asked) > 1.0
 
 
 def test_truth_lies_within_the_person_who_is_seen(drawn):

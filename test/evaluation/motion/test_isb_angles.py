@@ -6,14 +6,14 @@ import pytest
 from helpers.bodies.moving_person import moving
 from helpers.bodies.two_links import two_links
 from tracker_node.errors import ModelError
-from tracker_node.evaluation.motion.isb_angles import isb_angles
+from tracker_node.evaluation.motion.isb_angles import angles_of_segments, isb_angles
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.sample_files import data_file
 from tracker_node.model.configuration import State
-from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.runs.motion import RunMotion
 
-HUMAN = human_model()
+HUMAN, GAIT = human_model(), gait_human()
 
 
 def posed(model=HUMAN, **degrees):
@@ -63,6 +63,40 @@ def test_the_trunk_bends_and_turns():
     assert angles_deg(posed(abdomen_bend_right=15))["spine_bend_right"] == pytest.approx(15)
     assert angles_deg(posed(torso_turn_left=25))["spine_turn_left"] == pytest.approx(25)
     assert angles_deg(posed(head_flexion=12))["neck_flexion"] == pytest.approx(12)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("pose", "expected"), [
+    ({"ankle_dorsiflexion": 20, "ankle_inversion": 15}, {"ankle_dorsiflexion": 20, "ankle_inversion": 15}),
+    ({"toes_extension": 30}, {"toes_extension": 30, "ankle_dorsiflexion": 0}),
+    ({"wrist_flexion": 40, "wrist_ulnar_deviation": 20}, {"wrist_flexion": 40, "wrist_ulnar_deviation": 20}),
+    ({"wrist_flexion": -30, "elbow_pronation": 50}, {"wrist_flexion": -30, "wrist_ulnar_deviation": 0, "elbow_pronation": 140}),
+])  # fmt: skip
+def test_hands_and_feet_of_the_fuller_human(side, pose, expected):
+    found = angles_deg(posed(GAIT, **{f"{side}_{name}": angle for name, angle in pose.items()}))
+    for name, angle in expected.items():
+        assert found[f"{side}_{name}"] == pytest.approx(angle, abs=1e-6), name
+
+
+def test_the_spine_is_lumbar_spine_and_thorax_and_the_head_turns():
+    found = angles_deg(posed(GAIT, abdomen_flexion=20, torso_flexion=10, torso_turn_left=5, head_turn_left=40))
+    assert (found["lumbar_flexion"], found["thorax_flexion"], found["spine_flexion"]) == pytest.approx((20, 10, 30), abs=0.3)
+    assert (found["thorax_turn_left"], found["neck_turn_left"]) == pytest.approx((5, 40), abs=1e-6)
+    segments = angles_deg(posed(load_model("ellipsoid_human"), torso_flexion=12, chest_flexion=7))
+    assert (segments["lumbar_flexion"], segments["thorax_flexion"], segments["spine_flexion"]) == pytest.approx((12, 7, 19))
+
+
+def test_angles_of_segments_are_those_of_the_body_that_has_them():
+    motion = moving(8)
+    turned = motion.Ts_world_link()[..., :3, :3]
+    found, asked = isb_angles(motion), {link: turned[:, i] for i, link in enumerate(HUMAN.chain.links)}
+    given = angles_of_segments(asked)
+    for j, names in enumerate(found.names):
+        for k, name in enumerate(names):
+            assert given[name] == pytest.approx(found.radians[:, j, k], abs=1e-12)
+    assert set(angles_of_segments({name: asked[name] for name in ("pelvis", "left_thigh")})) == {
+        "left_hip_flexion", "left_hip_adduction", "left_hip_internal_rotation",
+    }  # fmt: skip
 
 
 def test_hip_agrees_with_grood_and_suntays_formulas():

@@ -17,7 +17,7 @@ from tracker_node.observation.keypoints.people import People, Person, Silhouette
 from tracker_node.render.raycast.raycaster import render_mask
 
 HUMAN = human_model()
-POINTS = tuple(name for name in NAMES if name in BLAZEPOSE)
+POINTS = tuple(name for name in NAMES if name in BLAZEPOSE and BLAZEPOSE[name].landmark in HUMAN.landmark_names)
 """Those of the detector's points that the human has, in the detector's order."""
 ROWS = [NAMES.index(name) for name in POINTS]
 _MIRRORED = [

@@ -92,7 +92,7 @@ def true_person(clip: Clip, camera: Camera, number: int) -> Person:
     body, rng = Configuration(clip.model, clip.states[number]), np.random.default_rng([number, *camera.name.encode()])
     pixels, scores = np.zeros((len(NAMES), 2)), np.zeros(len(NAMES))
     for name, point in BLAZEPOSE.items():
-        if name in NAMES:
+        if name in NAMES and point.landmark in clip.model.landmark_names:
             landmark = clip.model.landmark_index(point.landmark)
             R = body.Ts_world_link[clip.model.landmark_links[landmark], :3, :3]
             place = body.landmarks_world[landmark] + R @ np.array(point.offset)

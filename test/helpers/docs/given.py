@@ -108,6 +108,12 @@ def write_video(path: Path, images: list[Path]) -> None:
     writer.release()
 
 
+def prosthesis(place: Place) -> None:
+    """A foot of carbon."""
+    seen = '<visual><origin xyz="0.06 0 -0.04"/><geometry><box size="0.22 0.07 0.05"/></geometry></visual>'
+    (place.folder / "prosthesis.urdf").write_text(f'<robot name="prosthesis"><link name="left_foot">{seen}</link></robot>\n')
+
+
 def scaled_arm(place: Place) -> None:
     arm(place)
     (place.folder / "person.yaml").rename(place.folder / "scaled.yaml")
@@ -291,7 +297,7 @@ GRAPH = ("camera_ingest --rig rig.yaml --loop", "tracker --rig rig.yaml --model 
 # (page, section) -> what the section begins with, and commands that run in the background meanwhile
 GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[str, ...]]] = {
     ("docs/batch.md", "Track them"): ((trials,), ()),
-    ("docs/bodies.md", "A person"): ((static_trial,), ()),
+    ("docs/bodies.md", "A person"): ((static_trial, prosthesis), ()),
     ("docs/bodies.md", "Fit a body to a run"): ((scaled_arm,), ()),
     ("docs/bodies.md", "A plate with a texture"): ((plate,), ()),
     ("docs/bodies.md", "A robot"): ((robot,), ()),

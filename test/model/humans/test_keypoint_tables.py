@@ -4,7 +4,7 @@ import pytest
 
 from tracker_node.errors import UnknownNameError
 from tracker_node.loaders.keypoints import names
-from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.keypoints import TABLES, table_of
 from tracker_node.model.humans.measures import mirrored_name
 from tracker_node.model.humans.segments18 import body_landmarks
@@ -21,8 +21,11 @@ def test_the_table_of_a_detector(order):
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_both_humans_have_the_landmarks(name):
+def test_humans_have_the_landmarks(name):
+    """Knuckles those whose hands turn, and have parts."""
     landmarks = {point.landmark for point in TABLES[name].values()}
+    assert landmarks <= set(gait_human().landmark_names)
+    landmarks = {landmark for landmark in landmarks if not landmark.endswith(("index", "pinky", "thumb"))}
     assert landmarks <= set(human_model().landmark_names)
     assert landmarks <= {landmark.name for landmark in body_landmarks()}
 

@@ -8,19 +8,21 @@ import pytest
 from helpers.bodies.bodies import crane
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE, expected_offsets, relative_size
 from tracker_node.model.humans.measures import HumanMeasures, mirrored_name
 from tracker_node.model.humans.surfaces18 import ellipsoid_human
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.observation.keypoints.blazepose import NAMES
 
-HUMAN = human_model()
+HUMAN, GAIT = human_model(), gait_human()
+KNUCKLES = {f"{side}_{name}" for side in ("left", "right") for name in ("index", "pinky", "thumb")}  # of hands that turn
 
 
 def test_every_point_is_one_of_the_detectors_and_on_a_landmark_of_the_human():
-    assert set(BLAZEPOSE) <= set(NAMES) and len(BLAZEPOSE) == 19
-    assert {point.landmark for point in BLAZEPOSE.values()} <= set(HUMAN.landmark_names)
+    assert set(BLAZEPOSE) <= set(NAMES) and len(BLAZEPOSE) == 25
+    assert {point.landmark for point in BLAZEPOSE.values()} <= set(GAIT.landmark_names)
+    assert {name for name, point in BLAZEPOSE.items() if point.landmark not in HUMAN.landmark_names} == KNUCKLES
 
 
 @pytest.mark.parametrize("name", BLAZEPOSE)
@@ -33,16 +35,19 @@ def test_the_sides_are_mirror_images(name):
 
 def test_points_are_where_they_are_on_a_person():
     """In neutral, looking along x with the left at y: ears behind and beside the nose, toes ahead of heels."""
-    body, places = Configuration(HUMAN, State.neutral(HUMAN)), {}
+    body, places = Configuration(GAIT, State.neutral(GAIT)), {}
     for name, point in BLAZEPOSE.items():
-        row = HUMAN.landmark_index(point.landmark)
-        places[name] = body.landmarks_world[row] + body.Ts_world_link[HUMAN.landmark_links[row], :3, :3] @ point.offset
+        row = GAIT.landmark_index(point.landmark)
+        places[name] = body.landmarks_world[row] + body.Ts_world_link[GAIT.landmark_links[row], :3, :3] @ point.offset
     assert places["left_ear"][1] > 0.04 > -0.04 > places["right_ear"][1] and places["left_ear"][0] < places["nose"][0] - 0.05
     for side in ("left", "right"):
         assert places[f"{side}_foot_index"][0] > places[f"{side}_heel"][0] + 0.15
         heights = [places[f"{side}_{name}"][2] for name in ("shoulder", "hip", "knee", "ankle", "heel")]
         assert all(a > b for a, b in pairwise(heights))
-        assert np.linalg.norm(places[f"{side}_hip"] - body.landmarks_world[HUMAN.landmark_index(f"{side}_hip")]) < 0.06
+        knuckles = {name: places[f"{side}_{name}"] - places[f"{side}_wrist"] for name in ("thumb", "index", "pinky")}
+        assert knuckles["index"][0] > knuckles["pinky"][0] and min(knuckles["index"][2], knuckles["pinky"][2]) < -0.05
+        assert knuckles["thumb"][2] > knuckles["index"][2]
+        assert np.linalg.norm(places[f"{side}_hip"] - body.landmarks_world[GAIT.landmark_index(f"{side}_hip")]) < 0.06
 
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.25])

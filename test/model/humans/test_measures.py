@@ -4,6 +4,8 @@ from dataclasses import fields
 
 import pytest
 
+from tracker_node.calibration.body import model_stature
+from tracker_node.model.humans.human import gait_human
 from tracker_node.model.humans.measures import HumanMeasures
 
 
@@ -57,3 +59,16 @@ def test_statures_that_nobody_has(stature):
 def test_the_smallest_and_the_greatest():
     assert HumanMeasures(stature=0.4).scale == pytest.approx(0.22857, abs=1e-5)
     assert HumanMeasures(stature=3.0).stature == 3.0
+
+
+def test_a_child_has_a_childs_head_and_its_stature():
+    """A fifth to a sixth of the stature at 1 m, chin to crown, an adult's eighth at 1.75 m; no part vanishes."""
+    child, small, adult = HumanMeasures.of_child(1.0), HumanMeasures.of_stature(1.0), HumanMeasures()
+    assert 1.0 / 6.5 < 2.0 * child.head_radii[2] < 1.0 / 5.5
+    assert child.head_radii[1] == pytest.approx(small.head_radii[1] * 1.75**0.54) and child.head_top > small.head_top
+    assert 0.93 < child.thigh_length / small.thigh_length < 1.0 and child.upper_arm_length == small.upper_arm_length
+    assert HumanMeasures.of_child(1.75) == adult
+    for stature in (0.9, 1.3):
+        assert model_stature(gait_human(HumanMeasures.of_child(stature))) == pytest.approx(stature, abs=2e-3)
+    with pytest.raises(ValueError, match="child's stature"):
+        HumanMeasures.of_child(0.5)

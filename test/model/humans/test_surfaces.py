@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.bodies.bodies import crane
-from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.measures import mirrored_name
 from tracker_node.model.humans.surfaces import _OF_OTHERS, _SURFACES, expected_surfaces
 
@@ -15,7 +15,8 @@ ROWS = {shape.name: i for i, shape in enumerate(HUMAN.shapes)}
 
 def test_every_part_of_the_human_has_its_own():
     assert MEANS.shape == SIGMAS.shape == (len(HUMAN.shapes), 4)
-    assert {name.split("_", 1)[1] if name.startswith(("left_", "right_")) else name for name in ROWS} == set(_SURFACES)
+    names = {shape.name for body in (HUMAN, gait_human()) for shape in body.shapes}
+    assert {name.split("_", 1)[1] if name.startswith(("left_", "right_")) else name for name in names} == set(_SURFACES)
     for name, part in (("torso", "torso"), ("left_upper_arm", "upper_arm"), ("left_foot", "foot"), ("head", "head")):
         np.testing.assert_array_equal([MEANS[ROWS[name]], SIGMAS[ROWS[name]]], _SURFACES[part])
 

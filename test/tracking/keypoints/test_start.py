@@ -20,9 +20,10 @@ from helpers.bodies.detected_people import (
 )
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE
 from tracker_node.model.humans.measures import HumanMeasures
+from tracker_node.model.parts import without_links
 from tracker_node.observation.keypoints.people import Person
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.keypoints.fitting import KeypointFitting
@@ -63,6 +64,18 @@ def test_any_pose_is_found_within_millimeters_from_exact_points(seed):
     true = posed(seed)
     found = starting(config(**EXACT)).find([(person,) for person in seen_by(RIG, true)])
     assert found is not None and off_points_m(found, true).max() < 0.003
+
+
+@pytest.mark.parametrize("model", [gait_human(), without_links(gait_human(), ["left_shank"])], ids=["whole", "one shank"])
+def test_the_fuller_human_is_found_also_by_one_leg(model):
+    """By all of the detector's points: what it takes for a lost shank's is no evidence."""
+    made, true = config(**EXACT), posed(3)
+    modality = KeypointModality(RIG, model, made.keypoints, BLAZEPOSE)
+    found = PointStart(RIG, model, KeypointFitting(model, made, modality)).find([(person,) for person in seen_by(RIG, true)])
+    assert found is not None
+    here, there = Configuration(model, found).landmarks_world, Configuration(HUMAN, true).landmarks_world
+    for name in ("right_ankle", "left_knee", "left_wrist", "right_shoulder"):
+        assert np.linalg.norm(here[model.landmark_index(name)] - there[HUMAN.landmark_index(name)]) < 0.02, name
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from ...errors import FileFormatError, TrackerError
@@ -26,13 +27,22 @@ EXAMPLE = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--model", metavar="MODEL", help="model.yaml to start from (default: the human that comes with the package)"
+        "--model", metavar="MODEL",
+        help="model.yaml to start from, or gait_human, with wrists and toes (default: the human that comes with the package)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--without", nargs="+", metavar="LINK", default=[], help="the person lacks this and what hangs on it, e.g. left_shank"
     )
+    parser.add_argument(
+        "--replace", nargs="+", metavar="LINK=FILE", default=[],
+        help="a prosthesis (URDF or model.yaml, in its own size) in the place of such a part, e.g. left_foot=prosthesis.urdf",
+    )  # fmt: skip
     parser.add_argument("--trc", metavar="FILE", help="joints or markers of a static trial")
     add_up_arguments(parser)
     parser.add_argument(
         "--stature", type=float, metavar="M", help="height of the person in meters; with --trc it fixes the girths"
     )
+    parser.add_argument("--child", action="store_true", help="with --stature: in the proportions of a child of that stature")
     parser.add_argument(
         "--joint-sigma-mm",
         type=float,
@@ -78,12 +88,13 @@ def add_up_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ...calibration.body import ScalingOptions, model_stature, place_by_states, scale_to_trial
-    from ...loaders.model.model_yaml import dump_model, load_model
+    from ...loaders.model.model_yaml import dump_model
     from ...loaders.motion.trc import load_trc
-    from ...model.humans.human import human_model
     from ...model.scaling import scaled_uniformly
 
     given = args.model or args.from_run
+    lacks = args.without or args.replace
+    check(not (args.from_run and lacks), "--without, --replace", "no --from-run, whose body has its parts")
     check(not (args.stiff_ankles and given), "--stiff-ankles", "no --model or --from-run, which have their own joints", "both")
     if args.from_run:
         return _fit_to_images(args)
@@ -97,11 +108,13 @@ def run(args: argparse.Namespace) -> int:
     check(args.joint_sigma_mm is None or 0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
     refuse_to_overwrite(args, args.output)
-    model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
+    model, prostheses, whole = _started(args)
+    # Who lacks both feet still has the stature that a whole body of this size has
+    stature = args.stature and args.stature * model_stature(model) / model_stature(whole)
     sigma_m = None if args.joint_sigma_mm is None else args.joint_sigma_mm / 1000.0
-    options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=args.stature)
+    options = ScalingOptions(sigma_m, symmetric=not args.asymmetric, stature_m=stature)
     if not args.trc:
-        scaled = scaled_uniformly(model, args.stature / model_stature(model))
+        scaled = scaled_uniformly(model, stature / model_stature(model))
     elif args.states:
         scaled = place_by_states(model, load_trc(args.trc, args.y_up), args.states, options)
         print(f"placed the landmarks of {model.name} by the states of {args.states}")
@@ -113,6 +126,7 @@ def run(args: argparse.Namespace) -> int:
             raise FileFormatError(args.trc, "markers", "joints of the body", str(error)) from error
         scaled = fit.model
         _print_fit(fit)
+    scaled = _completed(scaled, prostheses)
     dump_model(scaled, args.output, _comment(scaled.name, args))
     print(f"stature {model_stature(scaled):.3f} m; wrote {args.output}")
     return 0
@@ -122,9 +136,8 @@ def _from_points(args: argparse.Namespace) -> int:
     """From the points of a recording's images."""
     from ...calibration.body import model_stature
     from ...loaders.images.source import SourceOptions
-    from ...loaders.model.model_yaml import dump_model, load_model
+    from ...loaders.model.model_yaml import dump_model
     from ...loaders.rig.rig_yaml import load_rig
-    from ...model.humans.human import human_model
     from ...report.progress import StageProgress
     from ...runs.config_file import load_config
     from ...runs.image_sets import SourceStream
@@ -139,7 +152,7 @@ def _from_points(args: argparse.Namespace) -> int:
     check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
     near = place_of_person(args)
     refuse_to_overwrite(args, args.output)
-    model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
+    model, prostheses, _ = _started(args)
     config = load_config(args.config) if args.config else TrackerConfig()
     rig = load_rig(args.from_points)
     stream = SourceStream(rig, config.synchronizer, SourceOptions())
@@ -152,13 +165,62 @@ def _from_points(args: argparse.Namespace) -> int:
     except TrackerError as error:
         raise FileFormatError(args.from_points, "(images)", "a person in two cameras at once", str(error)) from error
     name = Path(args.from_points).name
-    dump_model(fit.model, args.output, f"{fit.model.name}, from points of {len(fit.rows)} image sets of {name}. Units: meters.")
+    body = _completed(fit.model, prostheses)
+    dump_model(body, args.output, f"{body.name}, from points of {len(fit.rows)} image sets of {name}. Units: meters.")
     print(f"{'length':20} {'change':>7} {'sigma':>6}   %")
     for length in fit.lengths:
         print(f"{length.name:20} {100 * length.value:+7.1f} {100 * length.sigma:6.1f}")
     print(f"points of {len(fit.rows)} of {len(people)} image sets, {fit.residual_px:.1f} px off (median)")
-    print(f"stature {model_stature(fit.model):.3f} m; wrote {args.output}")
+    print(f"stature {model_stature(body):.3f} m; wrote {args.output}")
     return 0
+
+
+def _started(args: argparse.Namespace):
+    """The body to start from, of lost parts only the bare links that others take the places of; link -> what is put there; and
+    the whole body."""
+    from ...loaders.model.model_yaml import load_model
+    from ...model.humans.human import human_model
+    from ...model.parts import without_links
+
+    if args.child:
+        model = _child(args)
+    else:
+        model = load_model(args.model) if args.model else human_model(ankles=not args.stiff_ankles)
+    prostheses = {}
+    for text in args.replace:
+        link, found, file = text.partition("=")
+        check(found and link and file, "--replace", "LINK=FILE", text)
+        joint = next((joint for joint in model.chain.joints if joint.child == link), None)
+        check(joint, "--replace", f"a link of {model.name} but its root: {', '.join(model.chain.links[1:])}", link)
+        prostheses[link] = load_model(file)
+    unknown = [link for link in args.without if link not in model.chain.links[1:]]
+    check(not unknown, "--without", f"links of {model.name} but its root: {', '.join(model.chain.links[1:])}", *unknown[:1])
+    below = [joint.child for joint in model.chain.joints if joint.parent in prostheses]
+    left = without_links(model, [*args.without, *below])
+    shapes = tuple(shape for shape in left.shapes if shape.link not in prostheses)
+    landmarks = tuple(landmark for landmark in left.landmarks if landmark.link not in prostheses)
+    return replace(left, shapes=shapes, landmarks=landmarks), prostheses, model
+
+
+def _child(args: argparse.Namespace):
+    from ...model.humans.human import gait_human, human_model
+    from ...model.humans.measures import CHILDREN_M, HumanMeasures
+
+    low, high = CHILDREN_M
+    check(args.stature and not args.trc and not args.from_points, "--child", "--stature alone beside it")
+    check(args.model in (None, "gait_human"), "--child", "no --model but gait_human", args.model)
+    check(low <= args.stature <= high, "--stature", f"{low} to {high} meters of a child", args.stature)
+    measures = HumanMeasures.of_child(args.stature)
+    return gait_human(measures) if args.model else human_model(measures, ankles=not args.stiff_ankles)
+
+
+def _completed(model, prostheses):
+    """The body with each prosthesis in its place."""
+    from ...model.parts import with_part
+
+    for link, part in prostheses.items():
+        model = with_part(model, link, part)
+    return model
 
 
 def _of_points(args: argparse.Namespace) -> dict[str, object]:

@@ -6,13 +6,14 @@ angles are those of the turn from the proximal to the distal segment in three st
 and the last to the other (Grood & Suntay, J. Biomech. Eng. 105 (1983) 136-144): the same as three successive turns.
 
 Sources: Wu et al., J. Biomech. 35 (2002) 543-548, for ankle, hip and spine, the knee in the same way after Grood & Suntay; Wu et
-al., J. Biomech. 38 (2005) 981-992, for clavicle and arm against the thorax, elbow and wrist. Signs are turned where that makes a
-positive angle do what its name says: successive right-handed turns would count extension of knee and spine and depression of arm
-and clavicle positive.
+al., J. Biomech. 38 (2005) 981-992, for clavicle and arm against the thorax, elbow and wrist; toes, and the two parts of a spine,
+in the same way as ankle and spine. Signs are turned where that makes a positive angle do what its name says: successive
+right-handed turns would count extension of knee and spine and depression of arm and clavicle positive.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ _MIRROR = np.diag([1.0, 1.0, -1.0])
 _PALM = ("forearm", "hand")  # their X points out of the palm, which faces inward in the model's neutral pose
 _PALM_FROM_LINK = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # 90 degrees about Y
 _NO_PLANE = 1e-6  # rad of elevation: below, the plane of elevation is put to 0
-_TRUNK = ("torso", "chest")  # links that carry the arms: the last one that the body has is its thorax
+_TRUNK = ("abdomen", "torso", "chest")  # the last one that the body has is its thorax, the one before its lumbar spine
 
 
 @dataclass(frozen=True)
@@ -44,14 +45,18 @@ class _JointAngles:
     signs: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
+_BENDS = (-1.0, 1.0, 1.0)
 _TRUNK_TABLE = (
-    _JointAngles("Spine", "pelvis", "thorax", "ZXY", ("spine_flexion", "spine_bend_right", "spine_turn_left"), (-1.0, 1.0, 1.0)),
-    _JointAngles("Neck", "thorax", "head", "ZXY", ("neck_flexion", "neck_bend_right", "neck_turn_left"), (-1.0, 1.0, 1.0)),
+    _JointAngles("Spine", "pelvis", "thorax", "ZXY", ("spine_flexion", "spine_bend_right", "spine_turn_left"), _BENDS),
+    _JointAngles("Lumbar", "pelvis", "lumbar", "ZXY", ("lumbar_flexion", "lumbar_bend_right", "lumbar_turn_left"), _BENDS),
+    _JointAngles("Thorax", "lumbar", "thorax", "ZXY", ("thorax_flexion", "thorax_bend_right", "thorax_turn_left"), _BENDS),
+    _JointAngles("Neck", "thorax", "head", "ZXY", ("neck_flexion", "neck_bend_right", "neck_turn_left"), _BENDS),
 )
 _LIMB_TABLE = (
     _JointAngles("Hip", "pelvis", "thigh", "ZXY", ("hip_flexion", "hip_adduction", "hip_internal_rotation")),
     _JointAngles("Knee", "thigh", "shank", "ZXY", ("knee_flexion", "knee_adduction", "knee_internal_rotation"), (-1.0, 1.0, 1.0)),
     _JointAngles("Ankle", "shank", "foot", "ZXY", ("ankle_dorsiflexion", "ankle_inversion", "ankle_internal_rotation")),
+    _JointAngles("Toes", "foot", "toes", "ZXY", ("toes_extension", "toes_inversion", "toes_internal_rotation")),
     _JointAngles(
         "Clavicle", "thorax", "clavicle", "YXZ",
         ("clavicle_protraction", "clavicle_elevation", "clavicle_backward_rotation"), (1.0, -1.0, 1.0),
@@ -100,19 +105,35 @@ def cardan_angles(motion: RunMotion) -> JointAngles:
     return _angles(motion, _TRUNK_TABLE, tuple(_CARDAN_SHOULDER if row.joint == "Shoulder" else row for row in _LIMB_TABLE))
 
 
+def angles_of_segments(rotations: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The angles of `isb_angles` from rotations of segments, of whatever body.
+
+    Parameters
+    ----------
+    rotations : ``R_world_segment`` (n, 3, 3) by link, ``left_thigh``; axes forward, left, up in the neutral pose.
+
+    Returns
+    -------
+    Radians (n,) by name, of every joint both of whose segments are given.
+    """
+    found: dict[str, np.ndarray] = {}
+    for side, row, proximal, distal in _pairs(rotations, _TRUNK_TABLE, _LIMB_TABLE):
+        turned = rotations[proximal], rotations[distal]
+        angles = _decomposed(*turned, row, side == "left", np.ones(len(turned[0]), dtype=np.bool_))
+        found.update(zip(_named(row, side), angles.T, strict=True))
+    return found
+
+
 def _angles(motion: RunMotion, trunk: tuple[_JointAngles, ...], limbs: tuple[_JointAngles, ...]) -> JointAngles:
-    links, rotations = _links(motion.model), motion.Ts_world_link()[..., :3, :3]
-    links_valid = motion.links_valid()
+    rotations, links_valid = motion.Ts_world_link()[..., :3, :3], motion.links_valid()
     joints, names, angles, valid = [], [], [], []
-    for side, row in [*(("", row) for row in trunk), *((side, row) for side in SIDES for row in limbs)]:
-        proximal, distal = (links.get((side, part)) or links.get(("", part)) for part in (row.proximal, row.distal))
-        if proximal is None or distal is None or not _moves(motion.model, proximal, distal):
+    for side, row, proximal, distal in _pairs(motion.model.chain.links, trunk, limbs):
+        if not _moves(motion.model, proximal, distal):
             continue
         pair = [motion.model.chain.link_index(link) for link in (proximal, distal)]
         turned = rotations[:, pair]
-        first, second, third = (f"{side}_{name}" if side else name for name in row.names)
         joints.append(side.capitalize() + row.joint)
-        names.append((first, second, third))
+        names.append(_named(row, side))
         angles.append(_decomposed(turned[:, 0], turned[:, 1], row, side == "left", motion.valid))
         valid.append(links_valid[:, pair].all(axis=1))
     if not joints:
@@ -120,15 +141,33 @@ def _angles(motion: RunMotion, trunk: tuple[_JointAngles, ...], limbs: tuple[_Jo
     return JointAngles(tuple(joints), tuple(names), np.stack(angles, axis=1), np.stack(valid, axis=1))
 
 
-def _links(model: ArticulatedModel) -> dict[tuple[str, str], str]:
+def _named(row: _JointAngles, side: str) -> tuple[str, str, str]:
+    first, second, third = (f"{side}_{name}" if side else name for name in row.names)
+    return first, second, third
+
+
+def _pairs(
+    names: Iterable[str], trunk: tuple[_JointAngles, ...], limbs: tuple[_JointAngles, ...]
+) -> Iterator[tuple[str, _JointAngles, str, str]]:
+    """Side, joint, proximal and distal link of every joint of the tables whose links are there."""
+    links = _segments(names)
+    for side, row in [*(("", row) for row in trunk), *((side, row) for side in SIDES for row in limbs)]:
+        proximal, distal = (links.get((side, part)) or links.get(("", part)) for part in (row.proximal, row.distal))
+        if proximal is not None and distal is not None:
+            yield side, row, proximal, distal
+
+
+def _segments(names: Iterable[str]) -> dict[tuple[str, str], str]:
     """Link of each (side, segment): the segments of the recommendations under the names that the bodies here use."""
     found = {}
-    for link in model.chain.links:
+    for link in names:
         side = next((side for side in SIDES if link.startswith(f"{side}_")), "")
         found[side, link.removeprefix(f"{side}_")] = link
-    thorax = [link for link in _TRUNK if ("", link) in found]
-    if thorax:
-        found["", "thorax"] = thorax[-1]
+    trunk = [link for link in _TRUNK if ("", link) in found]
+    if trunk:
+        found["", "thorax"] = trunk[-1]
+    if len(trunk) > 1:
+        found["", "lumbar"] = trunk[-2]
     for side in SIDES:
         if (side, "clavicle") not in found and (side, "shoulder") in found:
             found[side, "clavicle"] = found[side, "shoulder"]

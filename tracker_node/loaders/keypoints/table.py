@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar
 
 from ...errors import FileFormatError
 from ...model.articulated import ArticulatedModel
+from ...model.humans.human import gait_human
 from ...model.humans.keypoints import KeypointTable, LandmarkPoint
 from ..file_model import KEYPOINTS, FileModel, are_numbers, checked, floats, is_number, numbers, validate
 from ..yaml_file import Inline, read_mapping, write_mapping
@@ -69,7 +70,8 @@ def load_keypoint_table(path: str | Path, model: ArticulatedModel) -> KeypointTa
     """
     content, table = _read(path), {}
     for name, entry in content.points.items():
-        if entry.landmark not in model.landmark_names:
+        # What a person may have, but not this body, such as knuckles or a lost foot, is no mistake
+        if entry.landmark not in {*model.landmark_names, *gait_human().landmark_names}:
             known = ", ".join(model.landmark_names) or "none"
             raise FileFormatError(path, f"points.{name}.landmark", f"a landmark of {model.name}: {known}", entry.landmark)
         table[name] = LandmarkPoint(entry.landmark, entry.offset, entry.sigma, entry.by_leg)

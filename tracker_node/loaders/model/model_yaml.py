@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import FileFormatError, ModelError
 from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel, Landmark, Shape
+from ...model.humans.named import HUMANS
 from ...model.kinematic_chain import Axis, Following, Joint, KinematicChain
 from ...model.shapes.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
 from ...model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
@@ -24,12 +25,15 @@ from .urdf import load_urdf
 def load_model(path: str | Path) -> ArticulatedModel:
     """Body of a model file or of a robot description (``.urdf``); meshes and textures are searched relative to its folder.
 
-    A model file may name a description, with the geometry that is seen.
+    A word of `model.humans.named`, such as ``gait_human``, is that body, unless a file has this name. A model file may name a
+    description, with the geometry that is seen.
 
     Raises
     ------
     FileFormatError : naming file and field, also for a cycle, an unknown link or a repeated name.
     """
+    if is_named(path):
+        return HUMANS[Path(path).name]()
     if Path(path).suffix.lower() in (".urdf", ".xacro"):
         return load_urdf(path)
     content = read_mapping(path)
@@ -40,6 +44,11 @@ def load_model(path: str | Path) -> ArticulatedModel:
             raise FileFormatError(path, "urdf", "an existing file", urdf)
         return load_urdf(urdf, described.geometry)
     return _build_model(validate(ModelFile, content, path), path)
+
+
+def is_named(path: str | Path) -> bool:
+    """True for a word that names a body of the package, in whatever folder, where there is no such file."""
+    return Path(path).name in HUMANS and not Path(path).exists()
 
 
 def _build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 
 import numpy as np
 
 from ...geometry import so3
 from ...model.articulated import ArticulatedModel, Shape
+from ...model.humans.masses import Inertial
 from ...model.kinematic_chain import UNLIMITED_VELOCITY
 from ...model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 
 
-def urdf_of(model: ArticulatedModel) -> str:
+def urdf_of(model: ArticulatedModel, masses: Mapping[str, Inertial] | None = None) -> str:
     """URDF of a model: one joint (and link) per axis, its name the axis's.
 
     URDF knows neither tapered cones nor ellipsoids: they appear as the cylinder or sphere of equal mean radius, a mesh as its
     bounding box. The markers show the true shapes.
+
+    Parameters
+    ----------
+    model : the body.
+    masses : of its links; None: it tells nothing of them.
+
+    Returns
+    -------
+    XML.
     """
     robot = ElementTree.Element("robot", name=model.name)
     chain, joint_of = model.chain, {joint.child: joint for joint in model.chain.joints}
@@ -25,6 +35,8 @@ def urdf_of(model: ArticulatedModel) -> str:
         if i:
             _add_joints(robot, model, i, joint_of[link].name)
         element = ElementTree.SubElement(robot, "link", name=link)
+        if masses and link in masses:
+            _add_inertial(element, masses[link])
         for shape in model.shapes:
             if shape.link == link:
                 _add_visual(element, shape)
@@ -66,6 +78,14 @@ def _add_ends(joint: ElementTree.Element, T_parent_child: np.ndarray, parent: st
 
 def _add_origin(element: ElementTree.Element, T: np.ndarray) -> None:
     ElementTree.SubElement(element, "origin", xyz=_numbers(T[:3, 3]), rpy=_numbers(so3.to_roll_pitch_yaw(T[:3, :3])))
+
+
+def _add_inertial(link: ElementTree.Element, of_link: Inertial) -> None:
+    element, about = ElementTree.SubElement(link, "inertial"), of_link.inertia
+    ElementTree.SubElement(element, "origin", xyz=_numbers(of_link.center), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=f"{of_link.mass:.9g}")
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": f"{about[i, j]:.9g}" for i in range(3) for j in range(i, 3)}
+    ElementTree.SubElement(element, "inertia", entries)
 
 
 def _add_visual(link: ElementTree.Element, shape: Shape) -> None:

@@ -6,7 +6,8 @@ in the frame of its landmark's link, known on average, with a spread among peopl
 Tables of detectors other than BlazePose on the human, by the names that `loaders.keypoints.names` gives their points.
 
 Offsets of joints are not measured: their means are zero, and they are found while tracking. Points of the face are where they are
-on the head, whoever finds them. Eyes, the middle of the hips, fingers and the rest of the face have no landmark.
+on the head, whoever finds them. Eyes, the middle of the hips, fingers beyond their knuckles and the rest of the face have no
+landmark; knuckles have one on bodies whose hands turn.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from ...errors import UnknownNameError
 from ..articulated import ArticulatedModel
 from ..configuration import Configuration, State
 from .human import human_model
+from .measures import mirrored_name
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,9 @@ BLAZEPOSE: KeypointTable = {
             "shoulder": LandmarkPoint("shoulder", (0.004, -0.004, 0.027), (0.015, 0.011, 0.013)),
             "elbow": LandmarkPoint("elbow", (0.007, 0.005, 0.017), (0.010, 0.010, 0.012)),
             "wrist": LandmarkPoint("wrist", (0.007, -0.006, -0.019), (0.010, 0.010, 0.012)),
+            "index": LandmarkPoint("index", (-0.011, -0.020, 0.012), (0.010, 0.010, 0.011)),
+            "pinky": LandmarkPoint("pinky", (0.033, -0.011, 0.005), (0.010, 0.010, 0.012)),
+            "thumb": LandmarkPoint("thumb", (-0.025, -0.013, 0.013), (0.010, 0.010, 0.012)),
             "hip": LandmarkPoint("hip", (0.033, -0.014, -0.014), (0.016, 0.018, 0.018)),
             "knee": LandmarkPoint("knee", (-0.009, -0.005, 0.011), (0.012, 0.012, 0.011), 0.205),
             "ankle": LandmarkPoint("ankle", (0.006, 0.002, 0.026), (0.010, 0.010, 0.010)),
@@ -115,6 +120,7 @@ GUESSED_BONES: tuple[GuessedBone, ...] = (
 GUESSED_SIZE, GUESSED_SIZE_SIGMA = 1.055, 0.045  # meters of a body of the default size for one that is guessed
 
 _SIZED_BY = (("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("left_hip", "left_shoulder"))
+_SIZED_BY_RIGHT = tuple((mirrored_name(one), mirrored_name(other)) for one, other in _SIZED_BY)  # of who has lost the left leg
 
 
 def relative_size(model: ArticulatedModel) -> float:
@@ -151,11 +157,12 @@ def _default_lengths() -> np.ndarray:
 
 
 def _lengths(model: ArticulatedModel) -> np.ndarray:
-    """(3,) meters: thigh, shank and trunk, stretched; the default body's of one without these landmarks."""
-    if not {name for pair in _SIZED_BY for name in pair} <= set(model.landmark_names):
-        model = human_model()
+    """(3,) meters: thigh, shank and trunk, stretched; the default body's of one without these landmarks on either side."""
+    pairs = next((p for p in (_SIZED_BY, _SIZED_BY_RIGHT) if {n for pair in p for n in pair} <= set(model.landmark_names)), None)
+    if pairs is None:
+        model, pairs = human_model(), _SIZED_BY
     places = Configuration(model, State.neutral(model)).landmarks_world
-    rows = np.array([[model.landmark_index(name) for name in pair] for pair in _SIZED_BY])
+    rows = np.array([[model.landmark_index(name) for name in pair] for pair in pairs])
     return np.linalg.norm(places[rows[:, 0]] - places[rows[:, 1]], axis=1)
 
 

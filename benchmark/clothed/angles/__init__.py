@@ -1,0 +1,1 @@
+"""Joint angles of rendered people, compared with the exact ones. Begin with `angles`."""
