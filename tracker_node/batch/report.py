@@ -10,7 +10,8 @@ import numpy as np
 
 from ..evaluation.report.builder import REPORT_HTML, REPORT_JSON, REPORT_PDF
 from ..evaluation.report.summary import described
-from ..report.document import BLUE, GREEN, Bars, Block, Cell, Column, Document, DocumentSection, Table, Value
+from ..render.palette import BLUE, GREEN
+from ..report.document import Bars, Block, Cell, Column, Document, DocumentSection, Table, Value
 from ..report.html import render_html
 from ..report.metrics_file import made_by, today, write_metrics
 from ..report.pdf import write_pdf

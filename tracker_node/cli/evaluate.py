@@ -37,6 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--lag", default="auto", metavar="auto|IMAGES", help="constant lag of the images behind the truth (default: estimated)")
     add("--align", choices=("auto", "first", "stamp"), default="auto",
         help="first: the truth's first row belongs to image 0 (for .trc); stamp: both count the same time")  # fmt: skip
+    add("--filter", default="auto", metavar="auto|none|HZ",
+        help="of joint angles and velocities: a Butterworth filter, its cutoff by residual analysis (default; none of smoothed"
+        " states) or in Hz")  # fmt: skip
     add("--image-sets", type=int, default=0, metavar="N", help="number of sets that there should be, to count missing ones")
     add("--first-image", type=int, metavar="N",
         help="number, in sources and truth, of the image that the first set shows (default: run.json, or 0)")  # fmt: skip
@@ -58,13 +61,13 @@ def run(args: argparse.Namespace) -> int:
     from ..report.metrics_file import print_metrics
 
     _check_numbers(args)
-    targets, lag = _targets_of(args.target), lag_of(args.lag)
+    targets, lag, cutoff = _targets_of(args.target), lag_of(args.lag), _cutoff_of(args.filter)
     names, folder = names_of(args.runs, args.name), output_folder(args.output, args.runs)
     models, rigs = (one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
     masks = load_reference_masks(args.masks) if args.masks else {}
     reviews = []
     for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
-        compared = EvaluationOptions(name, lag, args.align, args.image_sets)
+        compared = EvaluationOptions(name, lag, args.align, args.image_sets, cutoff_hz=cutoff)
         files = RunFiles(path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image)
         reviews.append(review_run(files, _say))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
@@ -147,6 +150,14 @@ def lag_of(text: str) -> float | None:
     if not abs(lag) <= MOST_LAG_IMAGES:
         raise TrackerError(f"--lag: expected 'auto' or a number of images, at most {MOST_LAG_IMAGES}, got {text!r}")
     return lag
+
+
+def _cutoff_of(text: str) -> float | str:
+    """A number where it is one; the evaluation refuses what it does not know."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _check_numbers(args: argparse.Namespace) -> None:

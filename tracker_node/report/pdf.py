@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
@@ -14,24 +15,9 @@ from fpdf import FPDF, FontFace
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from ..render.palette import BLACK, BLUE, GRAY, GREEN, RED, color_name
 from . import charts as plots
-from .document import (
-    BLACK,
-    BLUE,
-    GRAY,
-    GREEN,
-    RED,
-    Block,
-    Cell,
-    Column,
-    Curves,
-    Document,
-    Pictures,
-    Table,
-    Value,
-    cell_text,
-    color_name,
-)
+from .document import Block, Cell, Column, Curve, Curves, Document, Pictures, Table, Value, cell_text
 
 _MARGIN_IN, WIDTH_IN = 0.6, 7.06
 _LINE = 1.4 * 0.0138  # inches, of the size of letters in points
@@ -126,7 +112,13 @@ class _Pages(FPDF):
         if block.note:
             self.text_of(block.note, _SMALL, GRAY)
         if isinstance(block, Table):
-            self._table(block)
+            for part, folded, rows in block.split():
+                if folded or not rows:
+                    continue
+                if part:
+                    self._room(0.6)
+                    self.text_of(part, 8, bold=True)
+                self._table(replace(block, rows=rows, parts=()))
         elif isinstance(block, Curves):
             self._curves(block)
         elif isinstance(block, Pictures):
@@ -182,7 +174,13 @@ class _Pages(FPDF):
         lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
         names = {label: "black, dashed" if color == BLACK else color_name(color) for label, color in lines.items()}
         self.text_of("Lines: " + ", ".join(f"{label} ({name})" for label, name in names.items()), _SMALL, GRAY)
-        panels = [(curve, i) for curve in block.curves for i in range(len(curve.panels))]
+        for (group, filtered), curves in groupby(block.curves, key=lambda curve: (curve.group, curve.filter)):
+            said = f"{group[:1].upper()}{group[1:]}" + (f" (filter: {filtered})" if filtered else "")
+            self._room(0.3 + _CURVE_IN)
+            self.text_of(said, _SMALL, bold=True)
+            self._panels([(curve, i) for curve in curves for i in range(len(curve.panels))])
+
+    def _panels(self, panels: Sequence[tuple[Curve, int]]) -> None:
         width = WIDTH_IN / _CURVES_ACROSS
         for first in range(0, len(panels), _CURVES_ACROSS):
             figure = Figure(figsize=(WIDTH_IN, _CURVE_IN))
