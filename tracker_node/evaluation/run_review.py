@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from ..camera.rig import CameraRig
-from ..errors import TrackerError
+from ..errors import FileFormatError, TrackerError
 from ..loaders.model.model_yaml import load_model
 from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..runs.images import file_of, first_image_of, rig_of_run
-from ..runs.load import file_of_run, load_run
+from ..runs.load import file_of_run, is_run, load_run
 from ..runs.writer import BODY
 from .evaluate import EvaluationOptions
 from .masks.reference import CameraMasks
@@ -91,6 +91,30 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems, rig=rig)
 
 
+def runs_in(folder: str | Path) -> list[Path]:
+    """The run that a folder is, or those in it, such as ``batch`` leaves.
+
+    Parameters
+    ----------
+    folder : a run, a bag, or a folder of runs.
+
+    Returns
+    -------
+    In the order of their names.
+
+    Raises
+    ------
+    FileFormatError : neither.
+    """
+    folder = Path(folder)
+    if not folder.is_dir() or is_run(folder):
+        return [folder]
+    found = sorted(path for path in folder.iterdir() if path.is_dir() and is_run(path))
+    if not found:
+        raise FileFormatError(folder, "(path)", "a run, or a folder with runs in it", "no run")
+    return found
+
+
 def _images(
     files: RunFiles,
     tracked: RunData,
@@ -101,7 +125,8 @@ def _images(
     tell: Callable[[str], None],
 ) -> ImageReview:
     if rig is None:
-        return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
+        asked = bool(files.pictures or files.masks)
+        return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."] * asked)
     return review_images(tracked, model, rig, files.masks, period_ns, options, tell)
 
 

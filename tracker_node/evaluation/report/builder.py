@@ -71,11 +71,29 @@ def write_report(
     All metrics by key.
     """
     options = options or ReportOptions()
-    output = Path(output)
-    output.mkdir(parents=True, exist_ok=True)
     metrics = {key: value for review in reviews for key, value in review.metrics().items()}
+    write_document(Path(output), _document_of(reviews, options.targets), metrics, options, progress)
+    return metrics
+
+
+def write_document(
+    output: Path,
+    document: Document,
+    metrics: Mapping[str, float | int],
+    options: ReportOptions,
+    progress: Callable[[str], None] = lambda text: None,
+) -> None:
+    """Write ``report.json``, ``report.html``, and as the options say ``report.pdf`` and ``figures/``.
+
+    Parameters
+    ----------
+    output : folder, which is made.
+    document, metrics : what is written.
+    options : which files.
+    progress : is given a sentence now and then.
+    """
+    output.mkdir(parents=True, exist_ok=True)
     write_metrics(output / REPORT_JSON, metrics)
-    document = _document_of(reviews, options.targets)
     progress("writing the page")
     (output / REPORT_HTML).write_text(render_html(document), encoding="utf-8")
     if options.figure_files:
@@ -83,7 +101,6 @@ def write_report(
         write_figure_files(output, document)
     if options.pdf:
         write_pdf(output / REPORT_PDF, document, progress)
-    return metrics
 
 
 def _document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Document:

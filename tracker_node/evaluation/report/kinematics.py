@@ -16,7 +16,7 @@ from ..review import Review
 _ASKED = ("hip", "knee", "ankle", "spine", "neck", "shoulder", "elbow", "wrist")  # in this order, then others
 ANGLES, VELOCITIES = "joint angles", "angular velocities"
 STRIDE = "part of the stride [%]"
-_LEAST_RANGE_DEG = 1.0  # over the stride: an angle that moves less is not drawn
+LEAST_RANGE_DEG = 1.0  # over the stride: an angle that moves less is not drawn
 _STEP, _SWING = BLACK, "#c9d1d8"
 _SYMMETRY = (
     "100 (L - R) / ((L + R) / 2) %, 0 where both sides are alike (Robinson, Herzog and Nigg 1987); none for means below 5°"
@@ -174,7 +174,7 @@ def gait_charts(review: Review) -> list[Chart]:
         lines = []
         for side in SIDES:
             curves = gait.strides[side].angles.get(name)
-            if curves is not None and np.ptp(curves.mean(axis=0)) >= _LEAST_RANGE_DEG:
+            if curves is not None and np.ptp(curves.mean(axis=0)) >= LEAST_RANGE_DEG:
                 lines.append(mean_line(side, curves, SIDE_COLORS[side]))
         if lines:
             title, note = name.replace("_", " ").capitalize(), "Mean and one standard deviation over strides."
