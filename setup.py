@@ -38,6 +38,7 @@ H5_REQUIREMENTS = ["h5py>=3.9"]
 DATA_REQUIREMENTS = ["pandas>=2.2", "xarray>=2024.1"]
 CLUSTER_REQUIREMENTS = ["distributed>=2024.1"]
 SOUND_REQUIREMENTS = ["av>=14.0"]
+OPENSIM_REQUIREMENTS = ["opensim>=4.5"]
 DOCS_REQUIREMENTS = ["furo", "myst-parser", "sphinx"]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
@@ -55,7 +56,6 @@ TEST_REQUIREMENTS = [
     "mypy",
     "nbclient",
     "numpydoc",
-    "opensim",
     "playwright",
     "pypdf",
     "pytest",
@@ -125,6 +125,7 @@ setup(
         "data": DATA_REQUIREMENTS,
         "cluster": CLUSTER_REQUIREMENTS,
         "sound": SOUND_REQUIREMENTS,
+        "opensim": OPENSIM_REQUIREMENTS,
         "docs": DOCS_REQUIREMENTS,
         "test": [
             *TEST_REQUIREMENTS,
@@ -134,6 +135,7 @@ setup(
             *DATA_REQUIREMENTS,
             *CLUSTER_REQUIREMENTS,
             *SOUND_REQUIREMENTS,
+            *OPENSIM_REQUIREMENTS,
             *DOCS_REQUIREMENTS,
         ],
     },

@@ -43,6 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--filter", metavar="auto|none|HZ",
         help="of joint angles and velocities: a Butterworth filter, its cutoff by residual analysis (default; none of smoothed"
         " states) or in Hz")  # fmt: skip
+    add("--opensim", metavar="FILE",
+        help="model of OpenSim (.osim), scaled to the person: its inverse kinematics with our landmarks as markers, weighted by"
+        " their covariances; also writes opensim.mot")  # fmt: skip
     add("--image-sets", type=int, default=0, metavar="N", help="number of sets that there should be, to count missing ones")
     add("--first-image", type=int, metavar="N",
         help="number, in sources and truth, of the image that the first set shows (default: run.json, or 0)")  # fmt: skip
@@ -76,7 +79,8 @@ def run(args: argparse.Namespace) -> int:
     reviews = []
     for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
         compared = EvaluationOptions(name, lag, args.align, args.image_sets, cutoff_hz=cutoff)
-        files = RunFiles(path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image)
+        files = RunFiles(path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image,
+                         args.opensim)  # fmt: skip
         reviews.append(review_run(files, _say))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
     metrics = report.write_report(folder, reviews, options, _say)
@@ -94,7 +98,7 @@ def _compare_days(args: argparse.Namespace) -> int:
     from ..evaluation.run_review import RunFiles, review_run, runs_in
     from ..report.metrics_file import print_metrics
 
-    for option in ("truth", "masks", "target", "topic", "rig"):
+    for option in ("truth", "masks", "target", "topic", "rig", "opensim"):
         if getattr(args, option):
             raise TrackerError(f"--{option}: days are compared with each other alone, expected none, got {getattr(args, option)}")
     if len(args.runs) < 2:

@@ -21,6 +21,7 @@ from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, 
 from .masks.silhouettes import Picture
 from .metrics import Spread, intervals, reacquisition_times, spread_of, times_with_gaps
 from .motion.gait import Gait, find_gait
+from .motion.inverse_kinematics import InverseKinematics
 from .motion.joint_motion import AUTO, CUTOFFS, JointMotion, Ranges, joint_motion, ranges, treatment
 from .motion.jumps import Jump, find_jumps, jump_metrics
 from .motion.kinematics import MOST_OF_RATE
@@ -74,6 +75,7 @@ class Review:
     problems: Sequence[str] = ()
     rig: CameraRig | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
+    opensim: InverseKinematics | None = None
     cutoff_hz: float | str = AUTO  # of the filter of joint angles, as of `motion.joint_motion`
 
     @property
@@ -193,6 +195,7 @@ class Review:
             metrics |= part()
         metrics |= {} if self.gait is None else self.gait.metrics()
         metrics |= jump_metrics(self.jumps)
+        metrics |= {} if self.opensim is None else self.opensim.metrics()
         landmarks = {key: metrics.pop(key) for key in list(metrics) if key.startswith("landmark_mm.")}
         return {f"{self.name}.{key}": value for key, value in {**metrics, **landmarks}.items()}
 

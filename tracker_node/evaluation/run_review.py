@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError, TrackerError
 from ..loaders.model.model_yaml import load_model
@@ -16,9 +18,11 @@ from ..runs.data import RunData
 from ..runs.images import file_of, first_image_of, rig_of_run
 from ..runs.load import file_of_run, is_run, load_run
 from ..runs.writer import BODY
+from .consistency import landmark_sds
 from .evaluate import EvaluationOptions
 from .masks.reference import CameraMasks
 from .masks.silhouettes import ImageReview, ReviewOptions, review_images
+from .motion.inverse_kinematics import InverseKinematics, inverse_kinematics
 from .review import Review, review
 from .truth.files import truth_of
 
@@ -38,6 +42,7 @@ class RunFiles:
     masks : camera -> reference masks.
     pictures : time steps on the contact sheets.
     options : ``first_image`` None: the one that run.json says, or 0.
+    opensim : model of OpenSim (.osim), for its inverse kinematics.
     """
 
     run: str
@@ -50,6 +55,7 @@ class RunFiles:
     pictures: int = 6
     options: EvaluationOptions = field(default_factory=EvaluationOptions)
     first_image: int | None = None
+    opensim: str | None = None
 
 
 def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
@@ -68,6 +74,7 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     ------
     TrackerError : no body model is named, or it is not that of the run.
     FileFormatError : a file that cannot be used.
+    MissingExtraError : a model of OpenSim where its package is not installed.
     """
     tracked = load_run(files.run, files.topic)
     first_image = first_image_of(tracked.info) if files.first_image is None else files.first_image
@@ -88,7 +95,17 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     images = _images(files, tracked, _as_seen(files, model), rig, shown, found.period_s * 1e9, tell)
     problems = [*found.problems, *_contradicted(tracked.info), *unobservable_text(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
-    return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems, rig=rig)
+    solved = _opensim(files.opensim, found, tell) if files.opensim else None
+    return replace(
+        found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems, rig=rig, opensim=solved
+    )
+
+
+def _opensim(path: str, found: Review, tell: Callable[[str], None]) -> InverseKinematics:
+    """Of the sets that are not lost, with the landmarks' covariances where the run has them."""
+    points = np.where(found.said_lost[:, None, None], np.nan, found.landmarks_m)
+    sds = landmark_sds(found.run, found.model)
+    return inverse_kinematics(path, found.run.stamps_ns, found.model.landmark_names, points, sds, tell)
 
 
 def runs_in(folder: str | Path) -> list[Path]:

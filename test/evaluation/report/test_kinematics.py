@@ -1,20 +1,26 @@
 """What the report says of a walk and of a jump that are known."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from helpers.bodies import known_motions as known
-from helpers.bodies.stick_person import write_run
+from helpers.bodies.opensim_legs import write_legs
+from helpers.bodies.stick_person import write_run, write_state_bag
 from helpers.studio.browser import browser_tab
+from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError
+from tracker_node.evaluation.consistency import landmark_sds
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.motion.jumps import GRAVITY
 from tracker_node.evaluation.report import kinematics
 from tracker_node.evaluation.report.builder import ReportOptions, write_report
 from tracker_node.evaluation.report.charts import covariance_charts
 from tracker_node.evaluation.review import Review, Truth, review
+from tracker_node.loaders.model.model_yaml import dump_model
+from tracker_node.loaders.motion.trc import load_table
 from tracker_node.render.palette import SIDES
 from tracker_node.runs.data import RunDetails
 from tracker_node.runs.load import load_run
@@ -148,3 +154,37 @@ def test_printed_charts_are_as_wide_as_the_paper(tmp_path, walk):
 UNSAID = """[...document.querySelectorAll('[data-chart], #curve')].filter(e =>
     e.data.every(t => t.type === 'scatter') && !e.textContent.includes('Filter: ')
 ).map(e => e.id || e.dataset.chart)"""  # plots of signals that do not say how they were filtered
+
+
+def test_residuals_of_opensim_are_in_the_report(opensim, tmp_path):
+    """Legs in the size of the body leave nothing but what the turn of the trunk does to the shoulders, which are fixed there."""
+    motion = known.walk(seconds=3.0)
+    legs = write_legs(opensim, motion.model, tmp_path / "legs.osim")
+    write_run(tmp_path / "walk", motion)
+    write_state_bag(tmp_path / "walk" / "bag", motion)
+    dump_model(motion.model, tmp_path / "person.yaml")
+    given = ["evaluate", str(tmp_path / "walk"), "--model", str(tmp_path / "person.yaml"), "--opensim", str(legs), "--csv"]
+    assert main([*given, "--no-pdf", "--name", "walk", "--output", str(tmp_path / "out")]) == 0
+    metrics = json.loads((tmp_path / "out" / "report.json").read_text())["metrics"]
+    assert metrics["walk.opensim_sets"] == len(motion.states)
+    assert 1.0 < metrics["walk.opensim_marker_rms_mm"] < 15.0 < metrics["walk.opensim_marker_max_mm"] + 10.0 < 40.0
+    table = load_table(tmp_path / "out" / "opensim.mot")
+    assert np.ptp(table.values[:, table.names.index("knee_angle_left")]) == pytest.approx(2.0 * known.KNEE_DEG[0], abs=2.0)
+    rows = (tmp_path / "out" / "figures" / "opensim_walk.csv").read_text().splitlines()
+    assert rows[0].startswith("marker,rms [mm]") and len(rows) == 9
+    with browser_tab() as tab:
+        tab.page.goto((tmp_path / "out" / "report.html").as_uri())
+        tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
+        assert tab.page.locator("[data-chart=opensim_residual_walk] .main-svg").count() >= 1 and tab.errors == []
+        tab.page.select_option("#curve-group", label="coordinates of OpenSim")
+        assert "knee angle left" in tab.page.locator("#curve-choice option").all_text_contents()
+
+
+def test_landmarks_are_as_sure_as_the_covariance_says(walk):
+    n, d = len(walk.run), walk.model.chain.n_dof
+    covariances = np.zeros((n, d, d), dtype=np.float32)
+    covariances[:, :3, :3] = np.diag([0.01**2, 0.02**2, 0.03**2])  # of the root's place alone, which all landmarks share
+    told = replace(walk.run, details=replace(RunDetails.unknown(n, d), covariances=covariances))
+    sds = landmark_sds(told, walk.model)
+    assert sds == pytest.approx(np.full(sds.shape, np.sqrt(14.0 / 3.0) * 0.01), rel=1e-4)
+    assert landmark_sds(walk.run, walk.model) is None

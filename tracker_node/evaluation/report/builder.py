@@ -11,11 +11,12 @@ import numpy as np
 from ...model.configuration import ROOT_NAMES, variable_names
 from ...render.palette import BLACK, CYCLE
 from ...report.document import Block, Curve, Curves, Document, DocumentSection, Line, Pictures
-from ...report.figure_files import write_figure_files
+from ...report.figure_files import file_name, write_figure_files
 from ...report.html import render_html
 from ...report.metrics_file import made_by, today, write_metrics
 from ...report.pdf import write_pdf
 from ..masks.silhouettes import Picture, contact_sheet
+from ..motion.inverse_kinematics import write_coordinates
 from ..motion.mass_center import mass_center
 from ..review import Review
 from ..state_errors import ROWS
@@ -73,6 +74,10 @@ def write_report(
     options = options or ReportOptions()
     metrics = {key: value for review in reviews for key, value in review.metrics().items()}
     write_document(Path(output), _document_of(reviews, options.targets), metrics, options, progress)
+    for review in reviews:
+        if review.opensim is not None:
+            name = "opensim.mot" if len(reviews) == 1 else f"opensim_{file_name(review.name)}.mot"
+            write_coordinates(review.opensim, Path(output) / name)
     return metrics
 
 
@@ -153,7 +158,8 @@ def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Itera
     yield "ranges", "Ranges and symmetry", _titled(reviews, [kinematics.range_tables(review) for review in reviews])
     yield "quality", "Quality", [
         charts.status_strips(reviews), tables.loss_table(reviews), *_each(reviews, charts.limb_strips),
-        *charts.residual_charts(reviews), *_titled(reviews, [list(charts.covariance_charts(review)) for review in reviews]),
+        *charts.residual_charts(reviews), *_each(reviews, kinematics.opensim_chart), *_each(reviews, kinematics.opensim_table),
+        *_titled(reviews, [list(charts.covariance_charts(review)) for review in reviews]),
         *_each(reviews, charts.nees_chart), *_each(reviews, tables.nees_table), *_each(reviews, charts.silhouette_chart),
     ]  # fmt: skip
     yield "joints", "Errors of joints", [
@@ -202,9 +208,8 @@ def curves(reviews: Sequence[Review]) -> Curves:
                 panels = [(title, _together(a, b)) for (title, a), (_, b) in pairs]
                 curve = Curve(curve.group, curve.name, curve.unit, panels, filters)
             found[curve.group, curve.name] = curve
-    return Curves(
-        "curves", "Curves", _against(reviews), [*kinematics.joint_curves(reviews), *_compared_first(list(found.values()))]
-    )
+    of_joints = [*kinematics.joint_curves(reviews), *kinematics.opensim_curves(reviews)]
+    return Curves("curves", "Curves", _against(reviews), [*of_joints, *_compared_first(list(found.values()))])
 
 
 def _against(reviews: Sequence[Review]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from ...render.palette import BLACK, BLUE, CYCLE, PURPLE
+from ...render.palette import BLACK, BLUE, CYCLE, PURPLE, RED
 from ...render.palette import SIDES as SIDE_COLORS
 from ...report.document import Cell, Chart, Column, Curve, Line, Strip, Strips, Table, Value, sign_of
 from ..motion.gait import N_PARTS, SIDES, Strides
@@ -235,3 +235,54 @@ def jump_chart(review: Review) -> Chart | None:
         f"center_{review.name}", "Height of the center of mass", note, y_label="[cm]", lines=[line], bands=bands, y_min=None,
         filter=review.treatment,
     )  # fmt: skip
+
+
+_WEIGHED = (
+    "Inverse kinematics of OpenSim's model {model}: {n} of our landmarks are its markers, weighing {how}. What is left says how"
+    " well its size and joints suit the body; good models stay below 20 mm rms and 40 mm (Hicks et al. 2015)."
+)
+
+
+def opensim_table(review: Review) -> Table | None:
+    """Distance of each marker of OpenSim's model to its landmark; None where that was not asked for."""
+    found = review.opensim
+    if found is None:
+        return None
+    columns = [Column("marker", is_text=True), *(Column(title) for title in ("rms [mm]", "mean [mm]", "maximum [mm]"))]
+    rows: list[list[Value]] = []
+    for marker, errors in zip(found.markers, 1e3 * found.errors_m.T, strict=True):
+        known = errors[np.isfinite(errors)]
+        figures = (float(np.sqrt(np.mean(known**2))), float(known.mean()), float(known.max())) if len(known) else (None,) * 3
+        rows.append([marker.replace("_", " "), *figures])
+    return Table(f"opensim_{review.name}", "Markers of OpenSim's model", "", columns, rows)
+
+
+def opensim_chart(review: Review) -> Chart | None:
+    """Residual of OpenSim's inverse kinematics over time."""
+    found = review.opensim
+    if found is None or not np.isfinite(found.errors_m).any():
+        return None
+    known = np.isfinite(found.errors_m).all(axis=1)
+    worst = np.where(known, np.where(known[:, None], found.errors_m, 0.0).max(axis=1), np.nan)
+    parts = (("rms of the markers", found.rms_m, BLUE), ("farthest marker", worst, RED))
+    lines = [Line(label, *review.over_time(1e3 * values), color, 1.4) for label, values, color in parts]
+    how = "the inverse squares of their standard deviations" if found.weighted else "all alike, for the run tells no covariances"
+    return Chart(
+        f"opensim_residual_{review.name}", "Residual of OpenSim's inverse kinematics",
+        _WEIGHED.format(model=found.model, n=len(found.markers), how=how), y_label="[mm]", lines=lines, filter=review.treatment,
+    )  # fmt: skip
+
+
+def opensim_curves(reviews: Sequence[Review]) -> Iterator[Curve]:
+    """Coordinates that OpenSim has found, of all runs whose models have them."""
+    panels: dict[tuple[str, str], list[Line]] = {}
+    for i, review in enumerate(reviews):
+        if review.opensim is None:
+            continue
+        for name, unit, values in zip(review.opensim.coordinates, review.opensim.units, review.opensim.values.T, strict=True):
+            scale, sign = (np.degrees(1.0), "°") if unit == "rad" else (1e3, "mm") if unit == "m" else (1.0, unit)
+            line = Line(review.name, *review.over_time(scale * values), CYCLE[i % len(CYCLE)])
+            panels.setdefault((name, sign), []).append(line)
+    said = "; ".join(dict.fromkeys(review.treatment for review in reviews if review.opensim is not None))
+    for (name, sign), lines in panels.items():
+        yield Curve("coordinates of OpenSim", name.replace("_", " "), sign, [("", lines)], said)

@@ -101,6 +101,8 @@ METRICS = (
         Metric("residual_px_*", "Residual", "px", "of one camera", 2, 0),
         Metric("residual_gray_levels", "Residual", "gray levels", "rms difference of colors or texture, all cameras", 2, 0),
         Metric("residual_gray_levels_*", "Residual", "gray levels", "of one camera", 2, 0),
+        Metric("opensim_marker_rms_mm", "Markers of OpenSim", "mm", "rms distance to the landmarks, mean of the sets", 1, 0),
+        Metric("opensim_marker_max_mm", "… largest", "mm", "of any marker in any set", 1, 0),
         Metric("bone_length_std_mm", "Bone lengths, spread", "mm", "standard deviation over the run, mean of the bones", 1, 0),
         Metric("truth_bone_length_std_mm", "… of the truth", "mm", "the truth's own inconstancy", 1, 0),
     ),
