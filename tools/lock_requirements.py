@@ -6,8 +6,8 @@ Run it with the Python of an environment that works, after changing a direct req
 
 requirements/runtime.txt gets what the package needs to run, studio and detector of people included, and on top of it
 ros.txt gets ROS itself (not wanted where ROS comes from apt), build.txt what building the two packages needs and test.txt
-what the checks need, with the extras for H5, tables, clusters, sound and OpenSim, docs.txt what the site needs. The direct requirements
-are in setup.py and msgs/pyproject.toml.
+what the checks need, with the extras for H5, tables, clusters, sound and OpenSim, docs.txt what the site needs. The direct
+requirements are in setup.py and msgs/pyproject.toml.
 """
 
 import ast

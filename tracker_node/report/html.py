@@ -11,6 +11,7 @@ import math
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -172,6 +173,16 @@ def scene_data(scene: Scene) -> dict[str, Any]:
     return {"times": plain(scene.times, X_DIGITS), "states": list(scene.states), "bodies": bodies, "cameras": cameras}
 
 
+def _plain_times(values: np.ndarray) -> list[float | None]:
+    """As `plain`; lines of a page share few series of times."""
+    return list(_plain_bytes(np.ascontiguousarray(values, dtype=float).tobytes()))
+
+
+@lru_cache(maxsize=16)
+def _plain_bytes(values: bytes) -> tuple[float | None, ...]:
+    return tuple(plain(np.frombuffer(values), X_DIGITS))
+
+
 def _whole(value: float) -> int | None:
     return round(value) if math.isfinite(value) else None
 
@@ -255,7 +266,7 @@ def _filter_label(lines: list[str]) -> dict[str, Any]:
 def _trace(line: Line) -> dict[str, Any]:
     mode = "lines+markers" if line.points else "lines"
     style = {"color": line.color, "width": line.width, "dash": "dash" if line.dashed else "solid"}
-    return {"type": "scatter", "mode": mode, "name": line.label, "x": plain(line.x, X_DIGITS), "y": plain(line.y), "line": style}
+    return {"type": "scatter", "mode": mode, "name": line.label, "x": _plain_times(line.x), "y": plain(line.y), "line": style}
 
 
 def _bars(bars: Bars) -> dict[str, Any]:

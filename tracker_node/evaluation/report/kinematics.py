@@ -16,6 +16,7 @@ from ..review import Review
 _ASKED = ("hip", "knee", "ankle", "spine", "neck", "shoulder", "elbow", "wrist")  # in this order, then others
 ANGLES, VELOCITIES = "joint angles", "angular velocities"
 STRIDE = "part of the stride [%]"
+_STILL = 1e-2  # degrees, or meters: an angle that moves less is fixed
 LEAST_RANGE_DEG = 1.0  # over the stride: an angle that moves less is not drawn
 _STEP, _SWING = BLACK, "#c9d1d8"
 _SYMMETRY = (
@@ -35,6 +36,8 @@ def joint_curves(reviews: Sequence[Review]) -> Iterator[Curve]:
             if found is None:
                 continue
             for k, (joint, name) in enumerate(zip(found.joints, found.names, strict=True)):
+                if not _moves(found.values[:, k]):
+                    continue
                 side, joint = side_of(joint), without_side(joint)
                 values = (found.values if group == ANGLES else found.velocities)[:, k]
                 label, color, dashed = _look(review.name, side, i, len(reviews))
@@ -45,6 +48,12 @@ def joint_curves(reviews: Sequence[Review]) -> Iterator[Curve]:
         for joint, axes in sorted(panels.items(), key=lambda item: _ASKED.index(item[0]) if item[0] in _ASKED else len(_ASKED)):
             lines = [(axis, sorted(of, key=lambda line: line.label)) for axis, of in axes.items()]
             yield Curve(group, joint, f"{units[joint]}{per}", lines, filters)
+
+
+def _moves(values: np.ndarray) -> bool:
+    """Whether an angle is known, and one that the body has: a knee that is a hinge has no adduction."""
+    known = values[np.isfinite(values)]
+    return len(known) > 0 and float(np.ptp(known)) > _STILL
 
 
 def _look(run: str, side: str, i: int, runs: int) -> tuple[str, str, bool]:
@@ -64,7 +73,9 @@ def range_tables(review: Review) -> list[Table]:
     found = review.joint_motion
     if found is None or not found.names:
         return []
+    moving = {name for k, name in enumerate(found.names) if _moves(found.values[:, k])}
     walks, of = review.cycles is not None, review.ranges
+    of = {name: one for name, one in of.items() if any(other in moving for other in (name, _other_side(name)))}
     paired = [name for name in dict.fromkeys(map(without_side, of)) if all(f"{side}_{name}" in of for side in SIDES)]
     single = [name for name in of if without_side(name) not in paired or not side_of(name)]
     over = "Mean and SD over the strides of a side, of the trunk those of the left foot." if walks else "Over the whole run."
@@ -93,6 +104,11 @@ def range_tables(review: Review) -> list[Table]:
                 more = "" if len(sides) == 2 else ", joints without sides"
                 made.append(Table(f"{single_key}{key}_{review.name}", f"{title}{more}", said, columns, rows))
     return made
+
+
+def _other_side(name: str) -> str:
+    side = side_of(name)
+    return f"{SIDES[side == SIDES[0]]}_{without_side(name)}" if side else name
 
 
 def _range_row(both: Sequence[Ranges], measures: Sequence[tuple[str, str]], walks: bool) -> list[Value]:
