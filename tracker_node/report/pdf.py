@@ -14,6 +14,7 @@ import numpy as np
 from fpdf import FPDF, FontFace
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from ..render.palette import BLACK, BLUE, GRAY, GREEN, RED, color_name
 from . import charts as plots
@@ -25,7 +26,6 @@ SMALLEST, _TABLE_SIZE, _SMALL = 6.0, 6.8, 7.0
 _GAP_IN = 0.16  # beside the cells of a table
 _NARROWEST_IN, _TITLE_IN = 0.9, 1.5  # of a column whose text is broken; of a title that is not
 _CURVES_ACROSS, _CURVE_IN = 3, 0.95
-_DPI = 200
 _MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GRAY}
 _WORDS = {"good": " (met)", "bad": " (missed)"}  # what is a light on a page
 
@@ -193,8 +193,9 @@ class _Pages(FPDF):
         """A drawing as wide as the text."""
         height = float(figure.get_figheight())
         self._room(height)
-        drawn = io.BytesIO()
-        FigureCanvasAgg(figure).print_png(drawn, metadata={"Software": None}, pil_kwargs={"compress_level": 6})
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        drawn = Image.fromarray(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3]))  # no opacity to print, either
         self.image(drawn, w=WIDTH_IN, h=height)
 
     def _pictures(self, block: Pictures) -> None:
