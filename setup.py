@@ -41,6 +41,7 @@ DATA_REQUIREMENTS = ["pandas>=2.2", "xarray>=2024.1"]
 CLUSTER_REQUIREMENTS = ["distributed>=2024.1"]
 SOUND_REQUIREMENTS = ["av>=14.0"]
 RERUN_REQUIREMENTS = ["rerun-sdk>=0.41"]
+OPENSIM_REQUIREMENTS = ["opensim>=4.5"]
 DOCS_REQUIREMENTS = ["furo", "myst-parser", "sphinx"]
 # Only where ROS does not come from apt.
 ROS_REQUIREMENTS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
@@ -58,7 +59,6 @@ TEST_REQUIREMENTS = [
     "mypy",
     "nbclient",
     "numpydoc",
-    "opensim",
     "playwright",
     "pypdf",
     "pytest",
@@ -129,6 +129,7 @@ setup(
         "cluster": CLUSTER_REQUIREMENTS,
         "sound": SOUND_REQUIREMENTS,
         "rerun": RERUN_REQUIREMENTS,
+        "opensim": OPENSIM_REQUIREMENTS,
         "docs": DOCS_REQUIREMENTS,
         "test": [
             *TEST_REQUIREMENTS,
@@ -139,6 +140,7 @@ setup(
             *CLUSTER_REQUIREMENTS,
             *SOUND_REQUIREMENTS,
             *RERUN_REQUIREMENTS,
+            *OPENSIM_REQUIREMENTS,
             *DOCS_REQUIREMENTS,
         ],
     },

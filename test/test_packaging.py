@@ -171,13 +171,13 @@ def test_packages_of_extras_are_imported_by_their_part_alone(repository: Path) -
 
 def test_extras_are_those_that_the_messages_name(repository: Path) -> None:
     extras = set(distribution("tracker_node").metadata.get_all("Provides-Extra") or ())
-    assert extras == {"ros", "studio", "keypoints", "h5", "data", "cluster", "sound", "rerun", "docs", "test"}
+    assert extras == {"ros", "studio", "keypoints", "h5", "data", "cluster", "sound", "rerun", "opensim", "docs", "test"}
     named = {
         match
         for file in (repository / "tracker_node").rglob("*.py")
         for match in re.findall(r'extra_module\([^()]*, "(\w+)"\)', file.read_text())
     }
-    assert named == {"studio", "keypoints", "h5", "data", "cluster", "sound", "rerun"}
+    assert named == {"studio", "keypoints", "h5", "data", "cluster", "sound", "rerun", "opensim"}
 
 
 def test_command_line_does_not_import_ros() -> None:

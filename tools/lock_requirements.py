@@ -6,7 +6,7 @@ Run it with the Python of an environment that works, after changing a direct req
 
 requirements/runtime.txt gets what the package needs to run, studio and detector of people included, and on top of it
 ros.txt gets ROS itself (not wanted where ROS comes from apt), build.txt what building the two packages needs and test.txt
-what the checks need, with the extras for H5, tables, clusters, sound and Rerun, docs.txt what the site needs. The direct
+what the checks need, with the extras for H5, tables, clusters, sound, Rerun and OpenSim, docs.txt what the site needs. The direct
 requirements are in setup.py and msgs/pyproject.toml.
 """
 
@@ -22,7 +22,7 @@ KINDS = {  # file -> lists of setup.py, without _REQUIREMENTS
     "runtime": ("RUNTIME", "STUDIO", "KEYPOINTS"),
     "ros": ("ROS",),
     "build": ("BUILD",),
-    "test": ("TEST", "H5", "DATA", "CLUSTER", "SOUND", "RERUN"),
+    "test": ("TEST", "H5", "DATA", "CLUSTER", "SOUND", "RERUN", "OPENSIM"),
     "docs": ("DOCS",),
 }
 OWN = {"tracker-node", "tracker-msgs"}

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tracker_node.report.document import CYCLE, GRAY
+from tracker_node.render.palette import CYCLE, GRAY
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..evaluation.report.builder import REPORT_HTML, REPORT_JSON, REPORT_PDF
+from ..evaluation.report.builder import ReportOptions, write_document
 from ..evaluation.report.summary import described
-from ..report.document import BLUE, GREEN, Bars, Block, Cell, Column, Document, DocumentSection, Table, Value
-from ..report.html import render_html
-from ..report.metrics_file import made_by, today, write_metrics
-from ..report.pdf import write_pdf
+from ..render.palette import BLUE, GREEN
+from ..report.document import Bars, Block, Cell, Column, Document, DocumentSection, Table, Value
+from ..report.metrics_file import made_by, today
 from .work import FAILED_STATE, Outcome
 
 FEWEST = 5  # trials, of fewer none stands out
@@ -86,12 +85,7 @@ def write_batch_report(
     Metrics by key: counts, and mean and SD of each metric over trials.
     """
     metrics = _metrics(outcomes)
-    write_metrics(output / REPORT_JSON, metrics)
-    document = _document(outcomes)
-    progress("writing the page")
-    (output / REPORT_HTML).write_text(render_html(document), encoding="utf-8")
-    if pdf:
-        write_pdf(output / REPORT_PDF, document, progress)
+    write_document(output, _document(outcomes), metrics, ReportOptions(pdf=pdf), progress)
     return metrics
 
 

@@ -19,6 +19,9 @@ EXAMPLE = (
 )
 
 
+_DAYS_HZ = "6"  # the same for all days, so that a filter is no difference
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("runs", nargs="+", metavar="run",
@@ -37,6 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--lag", default="auto", metavar="auto|IMAGES", help="constant lag of the images behind the truth (default: estimated)")
     add("--align", choices=("auto", "first", "stamp"), default="auto",
         help="first: the truth's first row belongs to image 0 (for .trc); stamp: both count the same time")  # fmt: skip
+    add("--filter", metavar="auto|none|HZ",
+        help="of joint angles and velocities: a Butterworth filter, its cutoff by residual analysis (default; none of smoothed"
+        " states) or in Hz")  # fmt: skip
+    add("--opensim", metavar="FILE",
+        help="model of OpenSim (.osim), scaled to the person: its inverse kinematics with our landmarks as markers, weighted by"
+        " their covariances; also writes opensim.mot")  # fmt: skip
     add("--image-sets", type=int, default=0, metavar="N", help="number of sets that there should be, to count missing ones")
     add("--first-image", type=int, metavar="N",
         help="number, in sources and truth, of the image that the first set shows (default: run.json, or 0)")  # fmt: skip
@@ -45,12 +54,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--topic", help="topic of the states, where a bag has several")
     add("--name", action="append", default=[], metavar="NAME",
         help="prefix of the metrics' keys; repeat for several runs (default: run, or the names of their folders)")  # fmt: skip
+    add("--days", action="store_true",
+        help="each run is a recording day of one person, or a folder of its runs, such as batch leaves: mean and SD of each day"
+        " and differences to the first; the filter is 6 Hz unless --filter says otherwise")  # fmt: skip
     add("--csv", action="store_true", help="also write every table and chart as CSV and JSON, into figures/")
     add("--no-pdf", action="store_true", help="without report.pdf, which takes the longest to write")
     add("-o", "--output", metavar="DIR", help="where the report goes (default: the folder of the run; needed for several)")
 
 
 def run(args: argparse.Namespace) -> int:
+    if args.days:
+        return _compare_days(args)
     from ..evaluation.evaluate import EvaluationOptions
     from ..evaluation.masks.reference import load_reference_masks
     from ..evaluation.report import builder as report
@@ -58,20 +72,49 @@ def run(args: argparse.Namespace) -> int:
     from ..report.metrics_file import print_metrics
 
     _check_numbers(args)
-    targets, lag = _targets_of(args.target), lag_of(args.lag)
+    targets, lag, cutoff = _targets_of(args.target), lag_of(args.lag), _cutoff_of(args.filter or "auto")
     names, folder = names_of(args.runs, args.name), output_folder(args.output, args.runs)
     models, rigs = (one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
     masks = load_reference_masks(args.masks) if args.masks else {}
     reviews = []
     for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
-        compared = EvaluationOptions(name, lag, args.align, args.image_sets)
-        files = RunFiles(path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image)
+        compared = EvaluationOptions(name, lag, args.align, args.image_sets, cutoff_hz=cutoff)
+        files = RunFiles(path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image,
+                         args.opensim)  # fmt: skip
         reviews.append(review_run(files, _say))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
     metrics = report.write_report(folder, reviews, options, _say)
     print_metrics(metrics)
     written = [report.REPORT_JSON, report.REPORT_HTML, *([] if args.no_pdf else [report.REPORT_PDF])]
     _say(f"wrote {', '.join(str(folder / name) for name in written)}")
+    return 0
+
+
+def _compare_days(args: argparse.Namespace) -> int:
+    from ..errors import TrackerError
+    from ..evaluation.evaluate import EvaluationOptions
+    from ..evaluation.report import builder as report
+    from ..evaluation.report.days import Day, days_document, days_metrics
+    from ..evaluation.run_review import RunFiles, review_run, runs_in
+    from ..report.metrics_file import print_metrics
+
+    for option in ("truth", "masks", "target", "topic", "rig", "opensim"):
+        if getattr(args, option):
+            raise TrackerError(f"--{option}: days are compared with each other alone, expected none, got {getattr(args, option)}")
+    if len(args.runs) < 2:
+        raise TrackerError(f"--days: expected two days or more, got {len(args.runs)}")
+    names, folder = names_of(args.runs, args.name), output_folder(args.output, args.runs)
+    days, cutoff = [], _cutoff_of(args.filter or _DAYS_HZ)
+    for path, name, model in zip(args.runs, names, one_each(args.runs, args.model, "--model"), strict=True):
+        reviews = []
+        for run in runs_in(path):
+            files = RunFiles(str(run), model, pictures=0, options=EvaluationOptions(run.name, cutoff_hz=cutoff))
+            reviews.append(review_run(files, _say))
+        days.append(Day(name, reviews))
+    metrics = days_metrics(days)
+    report.write_document(folder, days_document(days), metrics, report.ReportOptions({}, args.csv, not args.no_pdf), _say)
+    print_metrics(metrics)
+    _say(f"wrote {folder / report.REPORT_HTML}")
     return 0
 
 
@@ -147,6 +190,14 @@ def lag_of(text: str) -> float | None:
     if not abs(lag) <= MOST_LAG_IMAGES:
         raise TrackerError(f"--lag: expected 'auto' or a number of images, at most {MOST_LAG_IMAGES}, got {text!r}")
     return lag
+
+
+def _cutoff_of(text: str) -> float | str:
+    """A number where it is one; the evaluation refuses what it does not know."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _check_numbers(args: argparse.Namespace) -> None:

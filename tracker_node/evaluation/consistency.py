@@ -151,6 +151,28 @@ class NeesSeries:
         return low / self.n_numbers, high / self.n_numbers
 
 
+def landmark_sds(run: RunData, model: ArticulatedModel) -> np.ndarray | None:
+    """What the tracker says of how well it knows each landmark.
+
+    Parameters
+    ----------
+    run : with covariances, or without.
+    model : body of the run.
+
+    Returns
+    -------
+    (n, n_landmarks) standard deviations in meters, over three directions; 0 where nothing is said; None without covariances.
+    """
+    if run.details is None or not run.details.covariances.any():
+        return None
+    found = np.zeros((len(run), len(model.landmarks)))
+    for i in np.flatnonzero(run.has_state):
+        J = run.configuration(model, int(i)).landmark_jacobian()
+        variances = np.einsum("mka,ab,mkb->m", J, run.details.covariances[i].astype(np.float64), J)
+        found[i] = np.sqrt(np.maximum(variances, 0.0) / 3.0)
+    return found
+
+
 def landmark_nees(run: RunData, model: ArticulatedModel, joints: Evaluation, offset_free: bool) -> NeesSeries | None:
     """NEES of every joint's position.
 

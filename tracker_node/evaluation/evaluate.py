@@ -12,6 +12,7 @@ from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..tracking.estimate import Status
 from . import metrics
+from .motion.joint_motion import AUTO
 from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at
 from .truth.states import LIMBS, common_bones, common_joints, offset_links
 
@@ -30,6 +31,7 @@ class EvaluationOptions:
     align : ``stamp``: run and truth have one clock; ``first``: the truth's first row belongs to the first
         image set; ``auto``: ``stamp`` where both overlap in time and the truth is not a TRC, else ``first``.
     image_sets : how many there should be; 0 takes what run and stamps say.
+    cutoff_hz : of the filter of joint angles, or one of `motion.joint_motion.CUTOFFS`.
     """
 
     name: str = "run"
@@ -37,6 +39,7 @@ class EvaluationOptions:
     align: str = "auto"
     image_sets: int = 0
     first_image: int = 0
+    cutoff_hz: float | str = AUTO
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from ..camera.rig import CameraRig
+from ..errors import FileFormatError
 from ..model.articulated import ArticulatedModel
-from ..model.configuration import N_ROOT, variable_names
 from ..runs.data import RunData
+from ..runs.motion import RunMotion, at_constant_rate, motion_of_run
+from ..runs.writer import SMOOTHED
 from ..tracking.estimate import Status
 from . import pose_metrics
 from .consistency import NeesSeries, landmark_nees, state_nees
@@ -19,6 +21,11 @@ from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, 
 from .masks.silhouettes import Picture
 from .metrics import Spread, intervals, reacquisition_times, spread_of, times_with_gaps
 from .motion.gait import Gait, find_gait
+from .motion.inverse_kinematics import InverseKinematics
+from .motion.joint_motion import AUTO, CUTOFFS, JointMotion, Ranges, joint_motion, ranges, treatment
+from .motion.jumps import Jump, find_jumps, jump_metrics
+from .motion.kinematics import MOST_OF_RATE
+from .motion.mass_center import mass_center
 from .state_errors import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
 from .truth.association import image_period_ns
 from .truth.files import Truth
@@ -68,6 +75,8 @@ class Review:
     problems: Sequence[str] = ()
     rig: CameraRig | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
+    opensim: InverseKinematics | None = None
+    cutoff_hz: float | str = AUTO  # of the filter of joint angles, as of `motion.joint_motion`
 
     @property
     def times_s(self) -> np.ndarray:
@@ -101,16 +110,67 @@ class Review:
         return unwrapped(self.run.values)
 
     @cached_property
+    def motion(self) -> RunMotion | None:
+        """At a constant rate, gaps where the body is lost; None without two such states."""
+        try:
+            motion = motion_of_run(self.run, self.model)
+            return at_constant_rate(motion)[0] if motion.valid.sum() > 1 else None
+        except FileFormatError:  # no state, or stamps that no rate leads through
+            return None
+
+    @property
+    def treatment(self) -> str:
+        """What has been done to the states against noise."""
+        return treatment(self.run.path.name == SMOOTHED)
+
+    @cached_property
+    def joint_motion(self) -> JointMotion | None:
+        """Angles of the joints, filtered, with velocities; times since image 0."""
+        if self.motion is None:
+            return None
+        found = joint_motion(self.motion, self.cutoff_hz, self.run.path.name == SMOOTHED)
+        return replace(found, times_s=found.times_s + self.times_s[0])
+
+    @cached_property
+    def _points(self) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray | None]:
+        """Times (k,), landmarks -> (k, 3) and center of mass (k, 3) of `motion`, not-a-number in gaps."""
+        assert self.motion is not None
+        points = np.where(self.motion.landmarks_valid()[..., None], self.motion.landmarks_m(), np.nan)
+        named = dict(zip(self.model.landmark_names, np.swapaxes(points, 0, 1), strict=True))
+        return self.motion.times_s + self.times_s[0], named, mass_center(self.model.landmark_names, points)
+
+    @cached_property
     def gait(self) -> Gait | None:
         """Strides, where somebody walks; sets that are lost are left out."""
-        if len(self.run) < 2:
+        if self.motion is None or self.joint_motion is None:
             return None
-        points = np.where(self.said_lost[:, None, None], np.nan, self.landmarks_m)
-        times, points = self.over_time(points)
-        _, values = self.over_time(np.degrees(self.variables))
-        angles = dict(zip(variable_names(self.model)[N_ROOT:], values[:, N_ROOT:].T, strict=True))
-        landmarks = dict(zip(self.model.landmark_names, np.swapaxes(points, 0, 1), strict=True))
-        return find_gait(times, landmarks, angles, 1.0 / self.period_s)
+        times, points, _ = self._points
+        angles = dict(zip(self.joint_motion.names, self.joint_motion.values.T, strict=True))
+        return find_gait(times, points, angles, self.motion.rate_hz)
+
+    @cached_property
+    def jumps(self) -> list[Jump]:
+        """Where somebody jumps."""
+        return find_jumps(*self._points) if self.motion is not None else []
+
+    @property
+    def center_m(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Times (k,) and center of mass (k, 3), not-a-number in gaps; None of a body without one."""
+        if self.motion is None or self._points[2] is None:
+            return None
+        return self._points[0], self._points[2]
+
+    @property
+    def cycles(self) -> dict[str, list[tuple[float, float]]] | None:
+        """Side -> start and end of each stride; None where nobody walks."""
+        if self.gait is None:
+            return None
+        return {side: list(zip(foot.starts_s, foot.ends_s, strict=True)) for side, foot in self.gait.strides.items()}
+
+    @cached_property
+    def ranges(self) -> dict[str, Ranges]:
+        """Of every joint angle: over strides, or over the run where nobody walks."""
+        return {} if self.joint_motion is None else ranges(self.joint_motion, self.cycles)
 
     @property
     def said_lost(self) -> np.ndarray:
@@ -134,6 +194,8 @@ class Review:
         for part in (self._joint_metrics, self._loss_metrics, self._state_metrics, self._nees_metrics, self._own_metrics):
             metrics |= part()
         metrics |= {} if self.gait is None else self.gait.metrics()
+        metrics |= jump_metrics(self.jumps)
+        metrics |= {} if self.opensim is None else self.opensim.metrics()
         landmarks = {key: metrics.pop(key) for key in list(metrics) if key.startswith("landmark_mm.")}
         return {f"{self.name}.{key}": value for key, value in {**metrics, **landmarks}.items()}
 
@@ -233,11 +295,13 @@ def review(
 
     Raises
     ------
-    FileFormatError : run and truth have no joint, or no time, in common.
+    FileFormatError : run and truth have no joint, or no time, in common; a cutoff that the run's rate does not allow.
     """
     period_ns = image_period_ns(run.stamps_ns) if len(run) > 1 else 1e9
     expected = expected_sets(run, period_ns, options.image_sets)
+    _check_cutoff(options.cutoff_hz, 1e9 / period_ns)
     found = Review(options.name, run, model, period_ns * 1e-9, expected, options.first_image, sources=sources or {})
+    found = replace(found, cutoff_hz=options.cutoff_hz)
     joints = truth.joints
     if joints is None and truth.states is not None:
         joints = truth.states.joints(model)
@@ -252,6 +316,13 @@ def review(
         lag = evaluation.lag_images if evaluation is not None else options.lag_images or 0.0
         found = replace(found, **_against_states(run, model, _at_sets(truth, run, options, lag, period_ns)))
     return found
+
+
+def _check_cutoff(cutoff_hz: float | str, rate_hz: float) -> None:
+    highest = MOST_OF_RATE * rate_hz
+    if cutoff_hz not in CUTOFFS and not (isinstance(cutoff_hz, float) and 0.0 < cutoff_hz <= highest):
+        expected = f"one of {', '.join(CUTOFFS)}, or a cutoff in (0, {highest:.3g}] Hz"
+        raise FileFormatError("command line", "--filter", expected, cutoff_hz)
 
 
 def segment_directions(e: Evaluation) -> SegmentDirections | None:

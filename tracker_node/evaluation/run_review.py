@@ -7,17 +7,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..camera.rig import CameraRig
-from ..errors import TrackerError
+from ..errors import FileFormatError, TrackerError
 from ..loaders.model.model_yaml import load_model
 from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..runs.images import file_of, first_image_of, rig_of_run
-from ..runs.load import body_of_run, load_run
+from ..runs.load import body_of_run, is_run, load_run
+from .consistency import landmark_sds
 from .evaluate import EvaluationOptions
 from .masks.reference import CameraMasks
 from .masks.silhouettes import ImageReview, ReviewOptions, review_images
+from .motion.inverse_kinematics import InverseKinematics, inverse_kinematics
 from .review import Review, review
 from .truth.files import truth_of
 
@@ -37,6 +41,7 @@ class RunFiles:
     masks : camera -> reference masks.
     pictures : time steps on the contact sheets.
     options : ``first_image`` None: the one that run.json says, or 0.
+    opensim : model of OpenSim (.osim), for its inverse kinematics.
     """
 
     run: str
@@ -49,6 +54,7 @@ class RunFiles:
     pictures: int = 6
     options: EvaluationOptions = field(default_factory=EvaluationOptions)
     first_image: int | None = None
+    opensim: str | None = None
 
 
 def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
@@ -67,6 +73,7 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     ------
     TrackerError : no body model is named, or it is not that of the run.
     FileFormatError : a file that cannot be used.
+    MissingExtraError : a model of OpenSim where its package is not installed.
     """
     tracked = load_run(files.run, files.topic)
     first_image = first_image_of(tracked.info) if files.first_image is None else files.first_image
@@ -88,7 +95,41 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     images = _images(files, tracked, seen, rig, shown, found.period_s * 1e9, tell)
     problems = [*found.problems, *_contradicted(tracked.info), *unobservable_text(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
-    return replace(found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems, rig=rig)
+    solved = _opensim(files.opensim, found, tell) if files.opensim else None
+    return replace(
+        found, joints=joints, silhouettes=images.scores, pictures=images.pictures, problems=problems, rig=rig, opensim=solved
+    )
+
+
+def _opensim(path: str, found: Review, tell: Callable[[str], None]) -> InverseKinematics:
+    """Of the sets that are not lost, with the landmarks' covariances where the run has them."""
+    points = np.where(found.said_lost[:, None, None], np.nan, found.landmarks_m)
+    sds = landmark_sds(found.run, found.model)
+    return inverse_kinematics(path, found.run.stamps_ns, found.model.landmark_names, points, sds, tell)
+
+
+def runs_in(folder: str | Path) -> list[Path]:
+    """The run that a folder is, or those in it, such as ``batch`` leaves.
+
+    Parameters
+    ----------
+    folder : a run, a bag, or a folder of runs.
+
+    Returns
+    -------
+    In the order of their names.
+
+    Raises
+    ------
+    FileFormatError : neither.
+    """
+    folder = Path(folder)
+    if not folder.is_dir() or is_run(folder):
+        return [folder]
+    found = sorted(path for path in folder.iterdir() if path.is_dir() and is_run(path))
+    if not found:
+        raise FileFormatError(folder, "(path)", "a run, or a folder with runs in it", "no run")
+    return found
 
 
 def _images(
@@ -101,7 +142,8 @@ def _images(
     tell: Callable[[str], None],
 ) -> ImageReview:
     if rig is None:
-        return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."])
+        asked = bool(files.pictures or files.masks)
+        return ImageReview(problems=["Without a rig there are no silhouettes and no pictures (--rig FILE)."] * asked)
     return review_images(tracked, model, rig, files.masks, period_ns, options, tell)
 
 

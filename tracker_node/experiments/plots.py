@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 
 from ..camera.rig import Camera, CameraRig
 from ..model.configuration import Configuration
+from ..render.palette import CYCLE, GRAY
 from ..render.raycast.raycaster import render_color
 from ..render.renderer import ColoredView
-from ..report.document import CYCLE, GRAY
 
 _BACKGROUND = 255
 

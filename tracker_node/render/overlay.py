@@ -6,6 +6,8 @@ show at a glance.
 
 from __future__ import annotations
 
+from colorsys import rgb_to_hsv
+
 import cv2
 import numpy as np
 
@@ -13,9 +15,10 @@ from ..camera.rig import Camera
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
+from .palette import GREEN, SIDES, rgb
 from .raycast.raycaster import render_labels, render_mask, render_view
 
-_HUES = {"left": 105.0, "right": 12.0, "": 62.0}  # of OpenCV: half degrees
+_HUES = {side: 180.0 * rgb_to_hsv(*rgb(color))[0] for side, color in {**SIDES, "": GREEN}.items()}  # of OpenCV: half degrees
 _DARK, _WHITE = (25, 25, 25), (255, 255, 255)
 _SHIFT = 4  # sub-pixel bits of OpenCV's drawing
 _STRAIGHT_PX = 0.7  # by how much a line may leave out corners of the pixels' border

@@ -12,7 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from .document import GRAY, RED, TIME, Bars, Block, Chart, Curve, HeatMap, Line, Scene, Strips
+from ..render.palette import GRAY, RED
+from .document import TIME, Bars, Block, Chart, Curve, HeatMap, Line, Scene, Strips
 
 _SMALL = 7
 _INSTANTS = 6  # of a scene, on paper
@@ -118,7 +119,12 @@ def _draw_chart(chart: Chart, ax: Axes) -> None:
         ax.annotate(text, (1.0, y), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=6, color=GRAY)
     if not chart.log_y:
         ax.set_ylim(bottom=chart.y_min, top=None if chart.y_max is None else 1.03 * chart.y_max)
-    ax.set_xlabel(chart.x_label, fontsize=_SMALL)
+    ax.set_xlabel(chart.x_label, fontsize=_SMALL, loc="left" if chart.filter else "center")
+    if chart.filter:
+        ax.annotate(
+            f"Filter: {chart.filter}", (1.0, 0.0), xytext=(0, -27), xycoords="axes fraction", textcoords="offset points",
+            ha="right", va="center", fontsize=6, color=GRAY,
+        )  # fmt: skip
     ax.set_ylabel(chart.y_label, fontsize=_SMALL)
     ax.margins(x=0.01)
     _legend(ax)
@@ -127,6 +133,8 @@ def _draw_chart(chart: Chart, ax: Axes) -> None:
 def _draw_line(line: Line, ax: Axes) -> None:
     style = "--" if line.dashed else "-"
     marker = "o" if line.points else ""
+    if line.spread is not None:
+        ax.fill_between(line.x, line.y - line.spread, line.y + line.spread, color=line.color, alpha=0.18, lw=0)
     ax.plot(line.x, line.y, style, marker=marker, ms=3, color=line.color, lw=0.75 * line.width, label=line.label)
 
 

@@ -8,20 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-# Colors that stay distinct for color-blind readers (Okabe and Ito), and that of ink
-BLUE, ORANGE, GREEN, RED, PURPLE, GRAY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#777777"
-SKY = "#56b4e9"
-CYCLE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#999933", GRAY)
-BLACK = "#1d2730"
-_NAMES = dict(zip(CYCLE, ("blue", "orange", "green", "red", "purple", "light blue", "olive", "gray"), strict=True))
-
+from ..render.palette import BLUE
 
 TIME = "time since image 0 [s]"
-
-
-def color_name(color: str) -> str:
-    """What people call a color of this module; another one as it is."""
-    return _NAMES.get(color, color)
 
 
 @dataclass(frozen=True)
@@ -57,8 +46,20 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Table(Block):
+    """Rows, maybe in ``parts`` (title, how many of the rows, folded: on a page behind the title, on paper left out)."""
+
     columns: Sequence[Column] = ()
     rows: Sequence[Sequence[Value]] = ()
+    parts: Sequence[tuple[str, int, bool]] = ()
+
+    def split(self) -> list[tuple[str, bool, Sequence[Sequence[Value]]]]:
+        """(title, folded, rows) of each part; of a table without parts one without a title."""
+        rows = list(self.rows)
+        found: list[tuple[str, bool, Sequence[Sequence[Value]]]] = []
+        for title, n, folded in self.parts or [("", len(rows), False)]:
+            found.append((title, folded, rows[:n]))
+            rows = rows[n:]
+        return found
 
     def texts(self) -> list[list[str]]:
         """Rows of text, numbers rounded as their columns say."""
@@ -92,7 +93,7 @@ def sign_of(unit: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Points (k,) over (k,); NaN breaks a line."""
+    """Points (k,) over (k,); NaN breaks a line. ``spread`` (k,): half the height of a band around it."""
 
     label: str
     x: np.ndarray
@@ -101,11 +102,12 @@ class Line:
     width: float = 1.6
     dashed: bool = False
     points: bool = False
+    spread: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Chart(Block):
-    """Lines; ``bands`` (start, end) on the x axis are shaded, ``levels`` (y, label) drawn across."""
+    """Lines; ``bands`` (start, end) on the x axis are shaded, ``levels`` (y, label) drawn across, ``filter`` said below."""
 
     x_label: str = TIME
     y_label: str = ""
@@ -115,6 +117,7 @@ class Chart(Block):
     y_min: float | None = 0.0
     y_max: float | None = None
     log_y: bool = False
+    filter: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,17 +161,21 @@ class HeatMap(Block):
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One quantity over time: lines of the runs and of the truth, one list of them per panel (x, y, z; or a single one)."""
+    """One quantity over time: lines of the runs and of the truth, one list of them per panel (x, y, z; or a single one).
+
+    ``filter`` says what was done against noise.
+    """
 
     group: str
     name: str
     unit: str
     panels: Sequence[tuple[str, Sequence[Line]]]
+    filter: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Curves(Block):
-    """Many quantities, of which a page shows one at a time."""
+    """Many quantities in groups, of which a page shows one at a time."""
 
     curves: Sequence[Curve] = ()
 

@@ -83,7 +83,9 @@ def columns_of(block: Block) -> tuple[list[str], list[list[Any]]]:
 
 
 def _points(lines: Sequence[Line]) -> list[list[Any]]:
-    return [[line.label, _plain(x), _plain(y)] for line in lines for x, y in zip(line.x, line.y, strict=True)]
+    drawn = [(line.label, line.x, line.y) for line in lines]
+    drawn += [(f"{line.label} SD", line.x, line.spread) for line in lines if line.spread is not None]
+    return [[label, _plain(x), _plain(y)] for label, along, values in drawn for x, y in zip(along, values, strict=True)]
 
 
 def _plain(value: Any) -> Any:

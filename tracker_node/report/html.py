@@ -8,7 +8,10 @@ from __future__ import annotations
 import base64
 import json
 import math
+import textwrap
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -17,10 +20,8 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from ..render.palette import BLACK, BLUE, GRAY, RED, STATES
 from .document import (
-    BLACK,
-    GRAY,
-    RED,
     TIME,
     Bars,
     Block,
@@ -51,7 +52,8 @@ def render_html(document: Document) -> str:
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     charts = {block.key: figure for block in document.blocks if (figure := figure_of(block)) is not None}
     scenes = {block.key: scene_data(block) for block in document.blocks if isinstance(block, Scene)}
-    curves = [curve_data(curve) for block in document.blocks if isinstance(block, Curves) for curve in block.curves]
+    times: dict[tuple[float | None, ...], int] = {}
+    curves = [curve_data(curve, times) for block in document.blocks if isinstance(block, Curves) for curve in block.curves]
     return environment.from_string(source).render(
         document=document,
         kind_of=_kind_of,
@@ -59,8 +61,9 @@ def render_html(document: Document) -> str:
         cells_of=_cells_of,
         sheet_of=_sheet_of,
         charts=_json(charts),
-        curves=_json(curves),
+        curves=_json({"times": list(times), "curves": curves}),
         scenes=_json(scenes),
+        colors={"good": STATES["tracking"], "bad": STATES["lost"], "blue": BLUE, "ink": BLACK},
         script=Markup(_template("scene.js") + _template("report.js")),
         plotly=Markup(_template(PLOTLY) if charts or curves else ""),
     )
@@ -118,6 +121,7 @@ def _jpeg_uri(bgr: np.ndarray) -> str:
 
 DIGITS = 5  # significant ones: far more than a screen shows
 X_DIGITS = 9  # those of times, which one zooms into
+SAMPLES = 1500  # at most, of a line among the curves: a page of a long run stays small
 COLUMNS = 400  # of a heat map
 _GRID = "#e8ecef"
 _FONT = {"family": "system-ui, Segoe UI, Roboto, DejaVu Sans, sans-serif", "size": 12, "color": BLACK}
@@ -134,10 +138,25 @@ def figure_of(block: Block) -> dict[str, Any] | None:
     return _heat_map(block) if isinstance(block, HeatMap) else None
 
 
-def curve_data(curve: Curve) -> dict[str, Any]:
-    """One curve as the page's script draws it."""
-    panels = [{"title": title, "lines": [_trace(line) for line in lines]} for title, lines in curve.panels]
-    return {"group": curve.group, "name": curve.name, "unit": curve.unit, "panels": panels}
+def curve_data(curve: Curve, times: dict[tuple[float | None, ...], int]) -> dict[str, Any]:
+    """One curve as the page's script draws it, of long ones every n-th sample.
+
+    Parameters
+    ----------
+    curve : of any length.
+    times : every series of times so far and its number; gets those of the curve.
+
+    Returns
+    -------
+    Lines have the number of their times as ``x``.
+    """
+    panels = []
+    for title, lines in curve.panels:
+        traces = [trace for line in lines for trace in _traces(_thinned(line))]
+        for trace in traces:
+            trace["x"] = times.setdefault(tuple(trace["x"]), len(times))
+        panels.append({"title": title, "lines": traces})
+    return {"group": curve.group, "name": curve.name, "unit": curve.unit, "panels": panels, "filter": _filter_lines(curve.filter)}
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
@@ -152,6 +171,16 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         })  # fmt: skip
     cameras = [{"name": name, "points": np.rint(1e3 * corners).astype(int).tolist()} for name, corners in scene.cameras.items()]
     return {"times": plain(scene.times, X_DIGITS), "states": list(scene.states), "bodies": bodies, "cameras": cameras}
+
+
+def _plain_times(values: np.ndarray) -> list[float | None]:
+    """As `plain`; lines of a page share few series of times."""
+    return list(_plain_bytes(np.ascontiguousarray(values, dtype=float).tobytes()))
+
+
+@lru_cache(maxsize=16)
+def _plain_bytes(values: bytes) -> tuple[float | None, ...]:
+    return tuple(plain(np.frombuffer(values), X_DIGITS))
 
 
 def _whole(value: float) -> int | None:
@@ -185,7 +214,11 @@ def _chart(chart: Chart) -> dict[str, Any]:
         layout["yaxis"]["rangemode"] = "tozero"
     layout["shapes"] = [_band(*band) for band in chart.bands] + [_level(y) for y, _ in chart.levels]
     layout["annotations"] = [_level_label(y, text, chart.log_y) for y, text in chart.levels]
-    return {"data": [_trace(line) for line in chart.lines], "layout": layout}
+    if chart.filter:
+        lines = _filter_lines(chart.filter)
+        layout["annotations"].append(_filter_label(lines))
+        layout["margin"]["b"] += FILTER_PX + FILTER_LINE_PX * (len(lines) - 1)
+    return {"data": [trace for line in chart.lines for trace in _traces(line)], "layout": layout}
 
 
 def _log_ticks(chart: Chart) -> str | int:
@@ -195,10 +228,45 @@ def _log_ticks(chart: Chart) -> str | int:
     return "D2" if few else 1
 
 
+def _traces(line: Line) -> list[dict[str, Any]]:
+    """A line, after the band around it."""
+    if line.spread is None:
+        return [_trace(line)]
+    known = np.isfinite(line.y) & np.isfinite(line.spread)
+    x, y, spread = line.x[known], line.y[known], line.spread[known]
+    edge = {
+        "type": "scatter", "mode": "lines", "x": plain([*x, *x[::-1]], X_DIGITS),
+        "y": plain([*(y + spread), *(y - spread)[::-1]]), "fill": "toself", "fillcolor": f"{line.color}2e", "line": {"width": 0},
+        "hoverinfo": "skip", "showlegend": False, "legendgroup": line.label, "name": f"{line.label} ± SD",
+    }  # fmt: skip
+    return [edge, {**_trace(line), "legendgroup": line.label}]
+
+
+def _thinned(line: Line) -> Line:
+    step = -(-len(line.x) // SAMPLES)
+    spread = None if line.spread is None else line.spread[::step]
+    return line if step <= 1 else replace(line, x=line.x[::step], y=line.y[::step], spread=spread)
+
+
+FILTER_PX, FILTER_LINE_PX = 24, 12  # for what stands below an axis on how its signals were filtered
+_FILTER_LETTERS = 68  # of a line, that a telephone shows
+
+
+def _filter_lines(text: str) -> list[str]:
+    return textwrap.wrap(f"Filter: {text}", _FILTER_LETTERS) if text else []
+
+
+def _filter_label(lines: list[str]) -> dict[str, Any]:
+    return {
+        "xref": "paper", "yref": "paper", "x": 0, "y": 0, "xshift": -54, "yshift": -52, "xanchor": "left", "yanchor": "top",
+        "text": "<br>".join(lines), "align": "left", "showarrow": False, "font": {"size": 10, "color": GRAY},
+    }  # fmt: skip
+
+
 def _trace(line: Line) -> dict[str, Any]:
     mode = "lines+markers" if line.points else "lines"
     style = {"color": line.color, "width": line.width, "dash": "dash" if line.dashed else "solid"}
-    return {"type": "scatter", "mode": mode, "name": line.label, "x": plain(line.x, X_DIGITS), "y": plain(line.y), "line": style}
+    return {"type": "scatter", "mode": mode, "name": line.label, "x": _plain_times(line.x), "y": plain(line.y), "line": style}
 
 
 def _bars(bars: Bars) -> dict[str, Any]:

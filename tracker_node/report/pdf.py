@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
@@ -13,25 +14,11 @@ import numpy as np
 from fpdf import FPDF, FontFace
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
+from ..render.palette import BLACK, BLUE, GRAY, GREEN, RED, color_name
 from . import charts as plots
-from .document import (
-    BLACK,
-    BLUE,
-    GRAY,
-    GREEN,
-    RED,
-    Block,
-    Cell,
-    Column,
-    Curves,
-    Document,
-    Pictures,
-    Table,
-    Value,
-    cell_text,
-    color_name,
-)
+from .document import Block, Cell, Column, Curve, Curves, Document, Pictures, Table, Value, cell_text
 
 _MARGIN_IN, WIDTH_IN = 0.6, 7.06
 _LINE = 1.4 * 0.0138  # inches, of the size of letters in points
@@ -39,7 +26,6 @@ SMALLEST, _TABLE_SIZE, _SMALL = 6.0, 6.8, 7.0
 _GAP_IN = 0.16  # beside the cells of a table
 _NARROWEST_IN, _TITLE_IN = 0.9, 1.5  # of a column whose text is broken; of a title that is not
 _CURVES_ACROSS, _CURVE_IN = 3, 0.95
-_DPI = 200
 _MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GRAY}
 _WORDS = {"good": " (met)", "bad": " (missed)"}  # what is a light on a page
 
@@ -126,7 +112,13 @@ class _Pages(FPDF):
         if block.note:
             self.text_of(block.note, _SMALL, GRAY)
         if isinstance(block, Table):
-            self._table(block)
+            for part, folded, rows in block.split():
+                if folded or not rows:
+                    continue
+                if part:
+                    self._room(0.6)
+                    self.text_of(part, 8, bold=True)
+                self._table(replace(block, rows=rows, parts=()))
         elif isinstance(block, Curves):
             self._curves(block)
         elif isinstance(block, Pictures):
@@ -182,7 +174,13 @@ class _Pages(FPDF):
         lines = {line.label: line.color for curve in block.curves for _, of in curve.panels for line in of}
         names = {label: "black, dashed" if color == BLACK else color_name(color) for label, color in lines.items()}
         self.text_of("Lines: " + ", ".join(f"{label} ({name})" for label, name in names.items()), _SMALL, GRAY)
-        panels = [(curve, i) for curve in block.curves for i in range(len(curve.panels))]
+        for (group, filtered), curves in groupby(block.curves, key=lambda curve: (curve.group, curve.filter)):
+            said = f"{group[:1].upper()}{group[1:]}" + (f" (filter: {filtered})" if filtered else "")
+            self._room(0.3 + _CURVE_IN)
+            self.text_of(said, _SMALL, bold=True)
+            self._panels([(curve, i) for curve in curves for i in range(len(curve.panels))])
+
+    def _panels(self, panels: Sequence[tuple[Curve, int]]) -> None:
         width = WIDTH_IN / _CURVES_ACROSS
         for first in range(0, len(panels), _CURVES_ACROSS):
             figure = Figure(figsize=(WIDTH_IN, _CURVE_IN))
@@ -195,8 +193,9 @@ class _Pages(FPDF):
         """A drawing as wide as the text."""
         height = float(figure.get_figheight())
         self._room(height)
-        drawn = io.BytesIO()
-        FigureCanvasAgg(figure).print_png(drawn, metadata={"Software": None}, pil_kwargs={"compress_level": 6})
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        drawn = Image.fromarray(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3]))  # no opacity to print, either
         self.image(drawn, w=WIDTH_IN, h=height)
 
     def _pictures(self, block: Pictures) -> None:

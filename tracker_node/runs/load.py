@@ -60,6 +60,11 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
     return replace(run, bag=bag, info=info).without_guesses()
 
 
+def is_run(folder: Path) -> bool:
+    """Whether `load_run` finds states in a folder."""
+    return (folder / STATES).is_file() or _bag_in(folder) is not None
+
+
 def _bag_in(path: Path) -> Path | None:
     for candidate in (path, path / BAG):
         if candidate.is_file() and candidate.suffix in STORAGE_SUFFIXES:

@@ -22,8 +22,7 @@ from ..model.configuration import Configuration
 from ..model.kinematic_chain import N_ROOT_DOF
 from ..render.opengl.tessellation import Patch, tessellate
 from ..render.overlay import part_colors, part_outlines
-from ..render.palette import STATES
-from ..report.document import CYCLE
+from ..render.palette import CYCLE, STATES
 from ..runs.data import RunData
 from ..runs.messages import jpeg_of
 from ..tracking.estimate import LimbStatus, Status

@@ -16,7 +16,7 @@ from helpers.studio.browser import browser_tab
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.masks.silhouettes import Picture
 from tracker_node.evaluation.motion.gait import N_PARTS, Gait, Strides
-from tracker_node.evaluation.report import charts, tables
+from tracker_node.evaluation.report import kinematics
 from tracker_node.evaluation.report.builder import ReportOptions, _facts, contact_sheets, write_report
 from tracker_node.evaluation.report.summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
@@ -112,9 +112,15 @@ def test_a_curve_is_chosen_by_keyboard_and_by_button(folder):
         tab.page.goto((folder / "two" / "report.html").as_uri())
         tab.page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
         title = tab.page.locator("#curve .ytitle").first
-        assert title.text_content() == "x [mm]"
+        assert title.text_content() == "flexion [°]"  # of a joint, which is what people ask for
+        assert tab.page.locator("#curve-choice option").count() < 12
         tab.page.locator("#curve-after").click()
-        tab.page.wait_for_function("document.querySelector('#curve .ytitle').textContent == 'y [mm]'")
+        groups = tab.page.locator("#curve-group option").all_text_contents()
+        assert groups == ["joint angles", "angular velocities", "landmarks", "degrees of freedom"]
+        tab.page.select_option("#curve-group", label="degrees of freedom")
+        tab.page.wait_for_function("document.querySelector('#curve .ytitle').textContent == 'x [mm]'")
+        tab.page.locator("#curve-before").click()
+        tab.page.wait_for_function("document.getElementById('curve-group').value == 'landmarks'")
         tab.page.locator("#curve-choice").focus()
         tab.page.select_option("#curve-choice", label="left wrist")
         tab.page.wait_for_function("document.querySelectorAll('#curve .ytitle, #curve .y2title, #curve .y3title').length == 3")
@@ -345,19 +351,19 @@ PICTURE = """(() => {
 
 def test_who_walks_gets_strides_and_who_does_not_gets_none(tmp_path):
     found = reviewed(tmp_path)
-    assert found.gait is None and tables.gait_table(found) is None and charts.gait_charts(found) == []
+    assert found.gait is None and kinematics.gait_table(found) is None and kinematics.gait_charts(found) == []
     start = np.array([0.0, 1.0, 2.1])
     angles = {"knee_flexion": np.linspace(0.0, 60.0, N_PARTS) + np.arange(3.0)[:, None]}
     foot = Strides(start, start + 0.6, start + 1.0, np.full(3, 1.4), np.array([0.5, np.nan, 0.6]), angles)
     other = replace(foot, lengths_m=np.full(3, 1.0))
     walking = replace(found)
     walking.__dict__["gait"] = Gait({"left": foot, "right": other}, 1.25)
-    rows = {row[0]: row[1:] for row in tables.gait_table(walking).rows}
+    rows = {row[0]: row[1:] for row in kinematics.gait_table(walking).rows}
     assert [cell.value for cell in rows["Stride length"][:5]] == pytest.approx([1.4, 0.0, 1.0, 0.0, 1.4])
     assert rows["Step time"][0].value == pytest.approx(0.55) and rows["Stance"][2].value == pytest.approx(60.0)
-    (chart,) = charts.gait_charts(walking)
-    assert [line.label for line in chart.lines[:3]] == ["left", "left + SD", "left - SD"] and len(chart.lines) == 6
-    assert chart.lines[1].y - chart.lines[0].y == pytest.approx(np.ones(N_PARTS))
+    (chart,) = kinematics.gait_charts(walking)
+    assert [line.label for line in chart.lines] == ["left", "right"]
+    assert chart.lines[1].spread == pytest.approx(np.ones(N_PARTS))
     metrics = walking.metrics()
     assert metrics["walk.cadence_per_min"] == pytest.approx(60.0 / 0.55) and metrics["walk.strides_right"] == 3
     write_report(tmp_path / "report", [walking], ReportOptions(pdf=False))

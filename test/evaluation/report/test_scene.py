@@ -14,7 +14,7 @@ from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import Truth
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
-from tracker_node.report.document import BLUE, CYCLE, ORANGE
+from tracker_node.render.palette import BLUE, CYCLE, ORANGE
 from tracker_node.runs.load import load_run
 
 N = 12

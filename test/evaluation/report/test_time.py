@@ -11,6 +11,7 @@ from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.metrics import times_with_gaps
 from tracker_node.evaluation.report.builder import curves
 from tracker_node.evaluation.report.charts import error_chart, joint_map, status_strips
+from tracker_node.evaluation.report.kinematics import ANGLES, VELOCITIES
 from tracker_node.evaluation.report.tables import loss_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
@@ -54,10 +55,15 @@ def test_a_gap_is_a_loss_with_a_time_until_it_was_found_again(tmp_path):
 def test_no_line_runs_across_a_gap(tmp_path):
     found = judged(tmp_path, [*range(5), *range(9, N)])
     errors, cells = error_chart([found]).lines[0], joint_map(found)
-    panels = [line for curve in curves([found]).curves for _, lines in curve.panels for line in lines]
-    for x, y in [(errors.x, errors.y), (cells.times, cells.values[:, 0]), *((line.x, line.y) for line in panels)]:
+    whole, filtered = [(errors.x, errors.y), (cells.times, cells.values[:, 0])], []
+    for curve in curves([found]).curves:
+        of = filtered if curve.group in (ANGLES, VELOCITIES) else whole
+        of += [(line.x, line.y) for _, lines in curve.panels for line in lines]
+    for x, y in whole + filtered:
         inside = (x > 4.5 * PERIOD_S) & (x < 8.5 * PERIOD_S)
-        assert inside.any() and np.isnan(y[inside]).all() and np.isfinite(y[~inside]).all()
+        assert inside.any() and np.isnan(y[inside]).all()
+    assert all(np.isfinite(y[(x < 4.5 * PERIOD_S) | (x > 8.5 * PERIOD_S)]).all() for x, y in whole)
+    assert len(filtered) > 10 and all(np.isfinite(y[x > 8.5 * PERIOD_S]).any() for x, y in filtered)
 
 
 @pytest.mark.parametrize(("missing", "added"), [(1, 1), (2, 2), (1_000_000_000, 2)])
@@ -81,11 +87,12 @@ def test_runs_that_begin_elsewhere_stand_where_they_belong(tmp_path):
     assert true.y[told] == pytest.approx(np.concatenate([mine.y, other.y]))
 
 
-def test_curves_begin_with_one_that_has_truth_and_say_what_they_stand_beside(tmp_path):
+def test_curves_of_a_group_begin_with_one_that_has_truth_and_say_what_they_stand_beside(tmp_path):
     told, alone = judged(tmp_path, list(range(N))), judged(tmp_path, list(range(N)), "alone", Truth())
-    first = curves([alone, replace(told, states=None)]).curves[0]
-    assert first.group == "landmarks" and first.panels[0][1][0].label == "truth"
-    assert curves([alone]).note == "Every degree of freedom and every landmark."
+    made = curves([alone, replace(told, states=None)]).curves
+    first = next(curve for curve in made if curve.group == "landmarks")
+    assert made[0].group == ANGLES and first.panels[0][1][0].label == "truth"
+    assert curves([alone]).note.endswith("landmarks, and the model's degrees of freedom.")
     assert "one run beside the other" in curves([alone, replace(alone, name="b")]).note
     assert "against the truth" in curves([told]).note
 

@@ -15,7 +15,7 @@ from ...loaders.images.source import open_camera_source
 from ...loaders.images.timecode import DAY_S, Timecode, read_timecode
 from ...loaders.sound_file import read_sound
 from ...parallel import Workers
-from ...report.document import CYCLE
+from ...render.palette import CYCLE
 from .flashes import flash_lags, seen_flashes
 from .motion import MOST_AT_ONCE, Lag, beginning, measured_motions, pairs_that_agree
 from .offsets import ClockOptions, Clocks, clocks_of_pairs, estimate_clocks

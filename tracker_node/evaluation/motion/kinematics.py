@@ -23,7 +23,7 @@ from ...runs.motion import RunMotion
 
 SHORTEST = 10  # samples: in shorter stretches nothing is filtered or derived
 _TWO_PASSES = (2.0**0.5 - 1.0) ** 0.25  # Winter: a filter run twice has its -3 dB point at this fraction of its cutoff
-_NYQUIST_SHARE = 0.45  # of the rate: cutoffs end here
+MOST_OF_RATE = 0.45  # of the rate: cutoffs end here
 _TAIL_SHARE = 0.5  # cutoffs above this fraction of the highest one are taken to remove noise alone
 
 
@@ -75,7 +75,7 @@ def residual_cutoffs_hz(values: np.ndarray, valid: np.ndarray, rate_hz: float) -
     -------
     (k,) Hz.
     """
-    cutoffs = np.linspace(0.01, _NYQUIST_SHARE, 60) * rate_hz
+    cutoffs = np.linspace(0.01, MOST_OF_RATE, 60) * rate_hz
     removed = np.array([_removed_rms(values, valid, rate_hz, cutoff) for cutoff in cutoffs])  # (60, k)
     tail = cutoffs >= _TAIL_SHARE * cutoffs[-1]
     slopes, noise = np.polyfit(cutoffs[tail], removed[tail], 1)
@@ -154,8 +154,8 @@ def state_kinematics(motion: RunMotion, cutoff_hz: float | None = None) -> State
     """
     if not motion.uniform:
         raise ValueError("expected a motion at a constant rate")
-    if cutoff_hz is not None and not 0.0 < cutoff_hz <= _NYQUIST_SHARE * motion.rate_hz:
-        raise ValueError(f"expected a cutoff in (0, {_NYQUIST_SHARE * motion.rate_hz:.4g}] Hz, got {cutoff_hz}")
+    if cutoff_hz is not None and not 0.0 < cutoff_hz <= MOST_OF_RATE * motion.rate_hz:
+        raise ValueError(f"expected a cutoff in (0, {MOST_OF_RATE * motion.rate_hz:.4g}] Hz, got {cutoff_hz}")
     rotation, joints = slice(3, 7), slice(7, None)
     signals = np.concatenate([motion.values[:, :3], _continuous_xyzw(motion), motion.values[:, N_ROOT_DOF:]], axis=1)
     cutoffs = np.full(signals.shape[1], cutoff_hz or 0.0)

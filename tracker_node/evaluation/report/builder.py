@@ -9,16 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from ...model.configuration import ROOT_NAMES, variable_names
-from ...report.document import BLACK, CYCLE, Block, Curve, Curves, Document, DocumentSection, Line, Pictures
-from ...report.figure_files import write_figure_files
+from ...render.palette import BLACK, CYCLE
+from ...report.document import Block, Curve, Curves, Document, DocumentSection, Line, Pictures
+from ...report.figure_files import file_name, write_figure_files
 from ...report.html import render_html
 from ...report.metrics_file import made_by, today, write_metrics
 from ...report.pdf import write_pdf
 from ..masks.silhouettes import Picture, contact_sheet
+from ..motion.inverse_kinematics import write_coordinates
 from ..motion.mass_center import mass_center
 from ..review import Review
 from ..state_errors import ROWS
-from . import charts, summary, tables
+from . import charts, kinematics, summary, tables
 from .scene import scene
 from .summary import Target
 
@@ -70,11 +72,33 @@ def write_report(
     All metrics by key.
     """
     options = options or ReportOptions()
-    output = Path(output)
-    output.mkdir(parents=True, exist_ok=True)
     metrics = {key: value for review in reviews for key, value in review.metrics().items()}
+    write_document(Path(output), _document_of(reviews, options.targets), metrics, options, progress)
+    for review in reviews:
+        if review.opensim is not None:
+            name = "opensim.mot" if len(reviews) == 1 else f"opensim_{file_name(review.name)}.mot"
+            write_coordinates(review.opensim, Path(output) / name)
+    return metrics
+
+
+def write_document(
+    output: Path,
+    document: Document,
+    metrics: Mapping[str, float | int],
+    options: ReportOptions,
+    progress: Callable[[str], None] = lambda text: None,
+) -> None:
+    """Write ``report.json``, ``report.html``, and as the options say ``report.pdf`` and ``figures/``.
+
+    Parameters
+    ----------
+    output : folder, which is made.
+    document, metrics : what is written.
+    options : which files.
+    progress : is given a sentence now and then.
+    """
+    output.mkdir(parents=True, exist_ok=True)
     write_metrics(output / REPORT_JSON, metrics)
-    document = _document_of(reviews, options.targets)
     progress("writing the page")
     (output / REPORT_HTML).write_text(render_html(document), encoding="utf-8")
     if options.figure_files:
@@ -82,7 +106,6 @@ def write_report(
         write_figure_files(output, document)
     if options.pdf:
         write_pdf(output / REPORT_PDF, document, progress)
-    return metrics
 
 
 def _document_of(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Document:
@@ -128,26 +151,31 @@ def _sections(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Itera
     """(key, heading, blocks) in their order; what could not be measured is None."""
     yield "view", "The motion", [scene(reviews)]
     yield "curves", "Curves", [curves(reviews)]
-    yield "gait", "Walking", [*_each(reviews, tables.gait_table), *_titled(reviews, [charts.gait_charts(r) for r in reviews])]
-    yield "summary", "Summary", [summary.summary_table(reviews, targets), summary.parameter_table(reviews)]
-    yield "losses", "Status and losses", [
+    yield "events", "Events", _titled(reviews, [
+        [kinematics.event_strips(r), kinematics.jump_table(r), kinematics.jump_chart(r), kinematics.gait_table(r),
+         *kinematics.gait_charts(r)] for r in reviews
+    ])  # fmt: skip
+    yield "ranges", "Ranges and symmetry", _titled(reviews, [kinematics.range_tables(review) for review in reviews])
+    yield "quality", "Quality", [
         charts.status_strips(reviews), tables.loss_table(reviews), *_each(reviews, charts.limb_strips),
+        *charts.residual_charts(reviews), *_each(reviews, kinematics.opensim_chart), *_each(reviews, kinematics.opensim_table),
+        *_titled(reviews, [list(charts.covariance_charts(review)) for review in reviews]),
+        *_each(reviews, charts.nees_chart), *_each(reviews, tables.nees_table), *_each(reviews, charts.silhouette_chart),
     ]  # fmt: skip
-    yield "joints", "Joints", [
+    yield "joints", "Errors of joints", [
         charts.error_chart(reviews), charts.joint_bars(reviews), summary.comparison_table(reviews),
         *_each(reviews, tables.joint_table), *_each(reviews, charts.joint_map), charts.pck_chart(reviews),
+        *_each(reviews, tables.offset_table),
     ]  # fmt: skip
-    yield "dofs", "Degrees of freedom", [summary.dof_comparison_table(reviews), *_each(reviews, tables.dof_table)]
-    yield "segments", "Segments", [
+    yield "dofs", "Errors of degrees of freedom", [summary.dof_comparison_table(reviews), *_each(reviews, tables.dof_table)]
+    yield "segments", "Errors of segments", [
         *_each(reviews, tables.direction_table), *_each(reviews, tables.segment_table), *_each(reviews, tables.bone_table),
         *_each(reviews, charts.rigid_chart),
     ]  # fmt: skip
-    yield "fit", "Residuals and effort", [
-        *charts.residual_charts(reviews), *charts.effort_charts(reviews), tables.timing_table(reviews),
+    yield "summary", "Figures", [
+        summary.summary_table(reviews, targets), summary.parameter_table(reviews), tables.timing_table(reviews),
+        *charts.effort_charts(reviews),
     ]  # fmt: skip
-    yield "consistency", "Covariance consistency", [*_each(reviews, charts.nees_chart), *_each(reviews, tables.nees_table)]
-    yield "silhouettes", "Silhouettes", [*_each(reviews, charts.silhouette_chart)]
-    yield "offsets", "Constant offsets", [*_each(reviews, tables.offset_table)]
     yield "pictures", "Pictures", list(contact_sheets(reviews))
 
 
@@ -168,31 +196,34 @@ _TRUTH = "truth"
 
 
 def curves(reviews: Sequence[Review]) -> Curves:
-    """Every degree of freedom and every landmark over time, of all runs and of the truth."""
+    """Joint angles and their velocities, then every landmark and degree of freedom, of all runs and of the truth."""
     found: dict[tuple[str, str], Curve] = {}
     for i, review in enumerate(reviews):
         color = CYCLE[i % len(CYCLE)]
-        for curve in (*_dof_curves(review, color), *_landmark_curves(review, color)):
+        for curve in (*_landmark_curves(review, color), *_dof_curves(review, color)):
             before = found.get((curve.group, curve.name))
             if before is not None:
                 pairs = zip(before.panels, curve.panels, strict=True)
-                curve = Curve(curve.group, curve.name, curve.unit, [(title, _together(a, b)) for (title, a), (_, b) in pairs])
+                filters = "; ".join(dict.fromkeys((before.filter, curve.filter)))
+                panels = [(title, _together(a, b)) for (title, a), (_, b) in pairs]
+                curve = Curve(curve.group, curve.name, curve.unit, panels, filters)
             found[curve.group, curve.name] = curve
-    return Curves("curves", "Curves", _against(reviews), _compared_first(list(found.values())))
+    of_joints = [*kinematics.joint_curves(reviews), *kinematics.opensim_curves(reviews)]
+    return Curves("curves", "Curves", _against(reviews), [*of_joints, *_compared_first(list(found.values()))])
 
 
 def _against(reviews: Sequence[Review]) -> str:
-    what = "Every degree of freedom and every landmark"
+    what = "Angles of joints (of people after the ISB) and their velocities, landmarks, and the model's degrees of freedom"
     if any(review.joints or review.states for review in reviews):
-        return f"{what}, against the truth."
+        return f"{what}; the last two against the truth."
     return f"{what}, of one run beside the other." if len(reviews) > 1 else f"{what}."
 
 
 def _compared_first(curves: Sequence[Curve]) -> list[Curve]:
-    """Groups with truth before those without, and so within each."""
+    """In each group those with truth before those without."""
     compared = {id(curve): any(line.label == _TRUTH for _, lines in curve.panels for line in lines) for curve in curves}
-    groups = {curve.group for curve in curves if compared[id(curve)]}
-    return sorted(curves, key=lambda curve: (curve.group not in groups, not compared[id(curve)]))
+    groups = list(dict.fromkeys(curve.group for curve in curves))
+    return sorted(curves, key=lambda curve: (groups.index(curve.group), not compared[id(curve)]))
 
 
 def _together(lines: Sequence[Line], more: Sequence[Line]) -> list[Line]:
@@ -228,12 +259,15 @@ def _dof_curves(review: Review, color: str) -> Iterator[Curve]:
             true = np.where(states.valid[:, shown[name]], states.truth[:, shown[name]], np.nan)
             lines = [Line(_TRUTH, *review.over_time(true), BLACK, 1.4, True)]
         lines.append(Line(review.name, *review.over_time(y), color))
-        yield Curve("degrees of freedom", name.replace("_", " "), "mm" if length else "°", [("", lines)])
+        yield Curve("degrees of freedom", name.replace("_", " "), "mm" if length else "°", [("", lines)], review.treatment)
 
 
 def _landmark_curves(review: Review, color: str) -> Iterator[Curve]:
     names, points = review.model.landmark_names, review.landmarks_m
-    e = review.joints
+    e, center = review.joints, mass_center(names, points)
+    if center is not None:
+        of_axes = ([Line(review.name, *review.over_time(1e3 * center[:, axis]), color)] for axis in range(3))
+        yield Curve("landmarks", "center of mass", "mm", list(zip("xyz", of_axes, strict=True)), review.treatment)
     for m, name in enumerate(names):
         panels = []
         for axis in range(3):
@@ -244,11 +278,7 @@ def _landmark_curves(review: Review, color: str) -> Iterator[Curve]:
                 lines.append(Line(_TRUTH, *review.over_time(true), BLACK, 1.4, True))
             lines.append(Line(review.name, *review.over_time(1e3 * points[:, m, axis]), color))
             panels.append(("xyz"[axis], lines))
-        yield Curve("landmarks", name.replace("_", " "), "mm", panels)
-    center = mass_center(names, points)
-    if center is not None:
-        of_axes = ([Line(review.name, *review.over_time(1e3 * center[:, axis]), color)] for axis in range(3))
-        yield Curve("landmarks", "center of mass", "mm", list(zip("xyz", of_axes, strict=True)))
+        yield Curve("landmarks", name.replace("_", " "), "mm", panels, review.treatment)
 
 
 _KINDS = (

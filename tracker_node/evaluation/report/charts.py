@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...render.palette import STATES
-from ...report.document import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, Bars, Chart, HeatMap, Line, Strip, Strips, strips_of
+from ...model.kinematic_chain import N_ROOT_DOF
+from ...render.palette import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, STATES
+from ...report.document import Bars, Chart, HeatMap, Line, Strip, Strips, strips_of
 from ...tracking.estimate import LimbStatus, Status
 from .. import pose_metrics
 from ..metrics import LOST_JOINT_M
-from ..motion.gait import N_PARTS, SIDES
+from ..motion.joint_motion import UNFILTERED
 from ..review import Review
 
 STATUS_COLORS = {status: STATES[status.name.lower()] for status in Status}
@@ -83,7 +84,16 @@ def error_chart(reviews: Sequence[Review]) -> Chart | None:
     levels = [(1e3 * LOST_JOINT_M, "a joint beyond this loses the set")] if top > 0.5e3 * LOST_JOINT_M else []
     note = "Distance to truth." + (" Shaded: lost sets." if bands else "")
     return (
-        Chart("errors", "Joint error over time", note, y_label="error [mm]", lines=lines, bands=bands, levels=levels)
+        Chart(
+            "errors",
+            "Joint error over time",
+            note,
+            y_label="error [mm]",
+            lines=lines,
+            bands=bands,
+            levels=levels,
+            filter=_treatment(reviews),
+        )
         if lines
         else None
     )
@@ -148,7 +158,7 @@ def pck_chart(reviews: Sequence[Review]) -> Chart | None:
                 Line(label, 1e3 * thresholds, pose_metrics.pck(errors.errors_m, errors.valid, thresholds), color, 1.8, dashed)
             )
     note = "Percentage of correct keypoints: fraction of all judged joints that lie within a distance of truth."
-    return Chart("pck", "PCK", note, "distance [mm]", "fraction", lines, y_max=1.0) if lines else None
+    return Chart("pck", "PCK", note, "distance [mm]", "fraction", lines, y_max=1.0, filter=_treatment(reviews)) if lines else None
 
 
 def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
@@ -157,14 +167,19 @@ def residual_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
     note = "Distance of the predicted contours from those seen, or difference of colors, after the fit."
     whole = [_line(i, review, review.run.residual, reviews) for i, review in enumerate(reviews)]
     if len(reviews) > 1:
-        yield Chart("residuals", "Residuals", note, y_label=f"rms [{units}]", lines=whole)
+        yield Chart("residuals", "Residuals", note, y_label=f"rms [{units}]", lines=whole, filter=UNFILTERED)
     for review in reviews:
         run, name = review.run, f" of {review.name}" if len(reviews) > 1 else ""
         seen = np.where(run.camera_residuals > 0, run.camera_residuals, np.nan)
         lines = [Line(camera, *review.over_time(seen[:, i]), CYCLE[i % len(CYCLE)], 1.1) for i, camera in enumerate(run.cameras)]
         lines.append(Line("all cameras", *review.over_time(run.residual), BLACK, 2.0))
         yield Chart(
-            f"residuals_{review.name}", f"Residuals{name} per camera", note, y_label=f"rms [{run.residual_unit}]", lines=lines
+            f"residuals_{review.name}",
+            f"Residuals{name} per camera",
+            note,
+            y_label=f"rms [{run.residual_unit}]",
+            lines=lines,
+            filter=UNFILTERED,
         )
 
 
@@ -172,7 +187,9 @@ def effort_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
     """Iterations and milliseconds per set."""
     counts = [np.where(review.run.has_state, review.run.iterations, np.nan) for review in reviews]
     lines = [_line(i, review, counts[i], reviews) for i, review in enumerate(reviews)]
-    yield Chart("iterations", "Iterations", "Steps of the optimizer per image set.", y_label="iterations", lines=lines)
+    yield Chart(
+        "iterations", "Iterations", "Steps of the optimizer per image set.", y_label="iterations", lines=lines, filter=UNFILTERED
+    )
     lines = []
     for i, review in enumerate(reviews):
         if review.run.details is None:
@@ -184,7 +201,14 @@ def effort_charts(reviews: Sequence[Review]) -> Iterator[Chart]:
             lines.append(Line(name, *review.over_time(review.run.details.timings_ms[:, stage]), color, 1.3))
     if lines:
         yield Chart(
-            "times", "Time per image set", "Wall-clock; logarithmic.", y_label="[ms]", lines=lines, y_min=None, log_y=True
+            "times",
+            "Time per image set",
+            "Wall-clock; logarithmic.",
+            y_label="[ms]",
+            lines=lines,
+            y_min=None,
+            log_y=True,
+            filter=UNFILTERED,
         )
 
 
@@ -212,6 +236,7 @@ def nees_chart(review: Review) -> Chart | None:
             levels=levels,
             y_min=None,
             log_y=True,
+            filter=review.treatment,
         )
         if lines
         else None
@@ -236,7 +261,9 @@ def silhouette_chart(review: Review) -> Chart | None:
         for i, (camera, ious) in enumerate(scores.ious.items())
     ]
     note = f"Agreement of the model's mask with reference masks ({kinds})."
-    return Chart(f"iou_{review.name}", "Silhouettes", note, "image", "intersection over union", lines, y_max=1.0)
+    return Chart(
+        f"iou_{review.name}", "Silhouettes", note, "image", "intersection over union", lines, y_max=1.0, filter=review.treatment
+    )
 
 
 def rigid_chart(review: Review) -> Chart | None:
@@ -246,31 +273,37 @@ def rigid_chart(review: Review) -> Chart | None:
     parts = (("ADD", review.rigid.add_mm, BLUE), ("ADD-S", review.rigid.add_s_mm, GREEN))
     lines = [Line(label, *review.over_time(values), color) for label, values, color in parts]
     note = "Mean distance of the surface's points to where they are, and to the nearest point."
-    return Chart(f"add_{review.name}", "Rigid body", note, y_label="[mm]", lines=lines)
+    return Chart(f"add_{review.name}", "Rigid body", note, y_label="[mm]", lines=lines, filter=review.treatment)
+
+
+def covariance_charts(review: Review) -> Iterator[Chart]:
+    """What the tracker says of its own uncertainty: standard deviations of joint angles, and of the pelvis' place."""
+    details, units = review.run.details, review.model.chain.dof_units
+    if details is None:
+        return
+    variances = np.diagonal(details.covariances, axis1=1, axis2=2).astype(float)
+    known = review.run.has_state & (variances > 0.0).any(axis=1)
+    if not known.any():
+        return
+    sd = np.where(known[:, None], np.sqrt(np.maximum(variances, 0.0)), np.nan)
+    turning = [k for k in range(N_ROOT_DOF, len(units)) if units[k] == "rad"]
+    note = "One standard deviation, as the tracker states it; a limb that is hidden is known less and less."
+    if turning:
+        degrees = np.degrees(sd[:, turning])
+        parts = (("median of the joints", np.median(degrees, axis=1), BLUE), ("least known joint", degrees.max(axis=1), RED))
+        lines = [Line(label, *review.over_time(values), color, 1.3) for label, values, color in parts]
+        yield Chart(
+            f"angle_sd_{review.name}", "Uncertainty of joint angles", note, y_label="SD [°]", lines=lines, filter=review.treatment
+        )
+    lines = [Line(axis, *review.over_time(1e3 * sd[:, k]), CYCLE[k], 1.3) for k, axis in enumerate("xyz")]
+    yield Chart(
+        f"root_sd_{review.name}", "Uncertainty of the root's place", note, y_label="SD [mm]", lines=lines, filter=review.treatment
+    )
+
+
+def _treatment(reviews: Sequence[Review]) -> str:
+    return "; ".join(dict.fromkeys(review.treatment for review in reviews))
 
 
 def _line(i: int, review: Review, values: np.ndarray, reviews: Sequence[Review]) -> Line:
     return Line(review.name, *review.over_time(values), CYCLE[i % len(CYCLE)] if len(reviews) > 1 else BLUE, 1.4)
-
-
-_LEG_ANGLES = ("hip_flexion", "knee_flexion", "ankle_dorsiflexion", "hip_abduction")
-
-
-def gait_charts(review: Review) -> list[Chart]:
-    """Angles of the legs over the stride, means of both sides with one standard deviation; none where nobody walks."""
-    gait, found = review.gait, []
-    if gait is None:
-        return []
-    part = np.linspace(0.0, 100.0, N_PARTS)
-    for name in _LEG_ANGLES:
-        lines = []
-        for side, color in zip(SIDES, (BLUE, ORANGE), strict=True):
-            curves = gait.strides[side].angles.get(name)
-            if curves is not None:
-                mean, sd = curves.mean(axis=0), curves.std(axis=0, ddof=1)
-                lines.append(Line(side, part, mean, color, 2.0))
-                lines += [Line(f"{side} {sign} SD", part, mean + k * sd, color, 0.8, True) for sign, k in (("+", 1), ("-", -1))]
-        if lines:
-            title = name.replace("_", " ").capitalize()
-            found.append(Chart(f"gait_{name}_{review.name}", title, "", "part of the stride [%]", "degrees", lines, y_min=None))
-    return found

@@ -10,7 +10,8 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
-from ...report.document import BLACK, BLUE, CYCLE, ORANGE, Moving, Scene, color_name
+from ...render.palette import BLACK, CYCLE, SIDES, color_name
+from ...report.document import Moving, Scene
 from ...tracking.estimate import Status
 from ..review import Review
 from .charts import STATUS_COLORS
@@ -89,7 +90,7 @@ def _moving(review: Review, sets: np.ndarray, color: str | None) -> Moving:
 def _color_of(model: ArticulatedModel, shape: int) -> str:
     """As overlays have it: left blue, right orange."""
     link = model.shapes[shape].link
-    return BLUE if link.startswith("left") else ORANGE if link.startswith("right") else _MIDDLE
+    return next((color for side, color in SIDES.items() if link.startswith(side)), _MIDDLE)
 
 
 def _drawn(primitive: TruncatedCone | Ellipsoid | Box | Mesh) -> tuple[np.ndarray, tuple[float, ...], list[tuple[int, int]]]:

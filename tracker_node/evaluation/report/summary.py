@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,57 +23,96 @@ class Metric:
     meaning: str
     digits: int = 1
     better: int = LOWER
+    about: str = ""
 
 
+MOTION, FOUND, TRUTH, SURE, TIME = QUESTIONS = (
+    "How does the body move?", "Is it found in every image set?", "How near is it to the truth?",
+    "How sure is it, and how well does it explain the images?", "How long does it take?",
+)  # fmt: skip
+
+
+def _about(question: str, *metrics: Metric) -> tuple[Metric, ...]:
+    return tuple(replace(metric, about=question) for metric in metrics)
+
+
+_REST = "All other metrics"
 METRICS = (
-    Metric("image_sets", "Image sets", "", "time steps that there should be a state for", 0, 0),
-    Metric("judged_sets", "Judged sets", "", "of these, with truth at their time", 0, 0),
-    Metric("lost_sets", "Lost sets", "", "no state, status LOST, or any joint more than 200 mm from truth", 0),
-    Metric("lost_limbs", "Lost limbs", "", "end joint more than 150 mm off for 5 sets running, or at the end", 0),
-    Metric("losses", "Losses", "", "series of lost sets", 0),
-    Metric("reacquisition_s_median", "… until found again", "s", "from the first lost set to the first tracked one, median", 2),
-    Metric("not_reacquired", "… not found again", "", "losses that last until the truth or the run ends", 0),
-    Metric("mpjpe_mm", "Joint error (MPJPE)", "mm", "mean distance of all joints, lag taken out"),
-    Metric("mpjpe_rms_mm", "… rms", "mm", "root of the mean square"),
-    Metric("mpjpe_p95_mm", "… 95th percentile", "mm", "95 of 100 errors are at most so large"),
-    Metric("mpjpe_max_mm", "… maximum", "mm", "the largest error of any joint in any set"),
-    Metric("mpjpe_offset_free_mm", "… offset-free, segment", "mm", "one constant offset per landmark in its segment removed"),
-    Metric("mpjpe_offset_free_world_mm", "… offset-free, world", "mm", "the same with offsets constant in the world"),
-    Metric("mpjpe_no_lag_correction_mm", "… lag left in", "mm", "rows of the truth taken at the stamps as they are"),
-    Metric("pa_mpjpe_mm", "PA-MPJPE", "mm", "each set moved, turned and resized onto its truth first"),
-    Metric("pck_50mm", "PCK at 50 mm", "", "fraction of the joints within 50 mm of truth", 3, HIGHER),
-    Metric("pck_150mm", "PCK at 150 mm", "", "fraction of the joints within 150 mm of truth", 3, HIGHER),
-    Metric("pck_auc_150mm", "PCK, area to 150 mm", "", "mean fraction over thresholds from 0 to 150 mm", 3, HIGHER),
-    Metric("segment_direction_deg", "Segment directions", "°", "angle between tracked and true line from joint to joint", 2),
-    Metric("segment_angle_deg", "Segment orientations", "°", "angle between tracked and true frames of the segments", 2),
-    Metric("joint_angle_deg", "Joint angles", "°", "size of the error of the joints' angles, mean", 2),
-    Metric("root_5cm_5deg", "5 cm 5°", "", "fraction of the sets whose root is within both of truth", 3, HIGHER),
-    Metric("add_mm", "ADD", "mm", "mean distance of the surface's points to where they are", 2),
-    Metric("add_s_mm", "ADD-S", "mm", "the same to the nearest point of the surface", 2),
-    Metric("lag_images", "Lag", "images", "constant delay of the images behind the truth", 2, 0),
-    Metric("iou_*", "Silhouette IoU", "", "overlap of model mask and reference mask, 1 is perfect", 3, HIGHER),
-    Metric("landmark_nees", "NEES of landmarks", "", "squared error over what the covariance says: 1 where it is right", 2, 0),
-    Metric("landmark_nees_offset_free", "… offset-free", "", "the same without constant offsets in the segments", 2, 0),
-    Metric("state_nees", "NEES of the state", "", "the same of all degrees of freedom together", 2, 0),
-    Metric("residual_px", "Residual", "px", "rms distance of predicted and seen contours, all cameras", 2, 0),
-    Metric("residual_px_*", "Residual", "px", "of one camera", 2, 0),
-    Metric("residual_gray_levels", "Residual", "gray levels", "rms difference of colors or texture, all cameras", 2, 0),
-    Metric("residual_gray_levels_*", "Residual", "gray levels", "of one camera", 2, 0),
-    Metric("cadence_per_min", "Cadence", "steps/min", "of somebody who walks", 1, 0),
-    Metric("walking_speed_m_s", "Walking speed", "m/s", "of the pelvis over ground", 2, 0),
-    Metric("stride_time_s_*", "Stride time", "s", "from touching the floor to touching it again, mean of a foot", 2, 0),
-    Metric("stride_length_m_*", "Stride length", "m", "way of the heel", 2, 0),
-    Metric("stance_percent_*", "Stance", "%", "part of the stride with the foot on the floor", 1, 0),
-    Metric("iterations", "Iterations", "", "steps of the optimizer per set, mean", 2),
-    Metric("total_ms_p50", "Time per image set", "ms", "median"),
-    Metric("total_ms_p95", "… 95th percentile", "ms", ""),
-    Metric("total_ms_p99", "… 99th percentile", "ms", "with the compilation of a first start, if the run begins with it"),
-    Metric("sets_without_state", "Without a state", "", "the body had not been found yet, or there is no result for the set", 0),
-    Metric("said_lost_sets", "Said to be lost", "", "sets with status LOST", 0),
-    Metric("said_degraded_sets", "Said to be degraded", "", "sets with status DEGRADED", 0),
-    Metric("said_reacquisition_s_median", "… until found again", "s", "from LOST to another status, median", 2),
-    Metric("bone_length_std_mm", "Bone lengths, spread", "mm", "standard deviation over the run, mean of the bones", 1, 0),
-    Metric("truth_bone_length_std_mm", "… of the truth", "mm", "the truth's own inconstancy", 1, 0),
+    *_about(
+        MOTION,
+        Metric("cadence_per_min", "Cadence", "steps/min", "of somebody who walks", 1, 0),
+        Metric("walking_speed_m_s", "Walking speed", "m/s", "of the pelvis over ground", 2, 0),
+        Metric("stride_time_s_*", "Stride time", "s", "from touching the floor to touching it again, mean of a foot", 2, 0),
+        Metric("stride_length_m_*", "Stride length", "m", "way of the heel", 2, 0),
+        Metric("stance_percent_*", "Stance", "%", "part of the stride with the foot on the floor", 1, 0),
+        Metric("jumps", "Jumps", "", "both feet off the floor, and the center of mass falls", 0, 0),
+        Metric("jump_height_rise_m", "Jump height", "m", "rise of the center of mass from take-off to its highest, mean", 3, 0),
+        Metric("jump_height_take_off_m", "… from take-off velocity", "m", "v² / 2g, mean", 3, 0),
+        Metric("jump_height_air_m", "… from time in the air", "m", "g T² / 8, mean", 3, 0),
+    ),
+    *_about(
+        FOUND,
+        Metric("image_sets", "Image sets", "", "time steps that there should be a state for", 0, 0),
+        Metric("judged_sets", "Judged sets", "", "of these, with truth at their time", 0, 0),
+        Metric("lost_sets", "Lost sets", "", "no state, status LOST, or any joint more than 200 mm from truth", 0),
+        Metric("lost_limbs", "Lost limbs", "", "end joint more than 150 mm off for 5 sets running, or at the end", 0),
+        Metric("losses", "Losses", "", "series of lost sets", 0),
+        Metric(
+            "reacquisition_s_median", "… until found again", "s", "from the first lost set to the first tracked one, median", 2
+        ),
+        Metric("not_reacquired", "… not found again", "", "losses that last until the truth or the run ends", 0),
+        Metric(
+            "sets_without_state", "Without a state", "", "the body had not been found yet, or there is no result for the set", 0
+        ),
+        Metric("said_lost_sets", "Said to be lost", "", "sets with status LOST", 0),
+        Metric("said_degraded_sets", "Said to be degraded", "", "sets with status DEGRADED", 0),
+        Metric("said_reacquisition_s_median", "… until found again", "s", "from LOST to another status, median", 2),
+    ),
+    *_about(
+        TRUTH,
+        Metric("mpjpe_mm", "Joint error (MPJPE)", "mm", "mean distance of all joints, lag taken out"),
+        Metric("mpjpe_rms_mm", "… rms", "mm", "root of the mean square"),
+        Metric("mpjpe_p95_mm", "… 95th percentile", "mm", "95 of 100 errors are at most so large"),
+        Metric("mpjpe_max_mm", "… maximum", "mm", "the largest error of any joint in any set"),
+        Metric("mpjpe_offset_free_mm", "… offset-free, segment", "mm", "one constant offset per landmark in its segment removed"),
+        Metric("mpjpe_offset_free_world_mm", "… offset-free, world", "mm", "the same with offsets constant in the world"),
+        Metric("mpjpe_no_lag_correction_mm", "… lag left in", "mm", "rows of the truth taken at the stamps as they are"),
+        Metric("pa_mpjpe_mm", "PA-MPJPE", "mm", "each set moved, turned and resized onto its truth first"),
+        Metric("pck_50mm", "PCK at 50 mm", "", "fraction of the joints within 50 mm of truth", 3, HIGHER),
+        Metric("pck_150mm", "PCK at 150 mm", "", "fraction of the joints within 150 mm of truth", 3, HIGHER),
+        Metric("pck_auc_150mm", "PCK, area to 150 mm", "", "mean fraction over thresholds from 0 to 150 mm", 3, HIGHER),
+        Metric("segment_direction_deg", "Segment directions", "°", "angle between tracked and true line from joint to joint", 2),
+        Metric("segment_angle_deg", "Segment orientations", "°", "angle between tracked and true frames of the segments", 2),
+        Metric("joint_angle_deg", "Joint angles", "°", "size of the error of the joints' angles, mean", 2),
+        Metric("root_5cm_5deg", "5 cm 5°", "", "fraction of the sets whose root is within both of truth", 3, HIGHER),
+        Metric("add_mm", "ADD", "mm", "mean distance of the surface's points to where they are", 2),
+        Metric("add_s_mm", "ADD-S", "mm", "the same to the nearest point of the surface", 2),
+        Metric("lag_images", "Lag", "images", "constant delay of the images behind the truth", 2, 0),
+        Metric("iou_*", "Silhouette IoU", "", "overlap of model mask and reference mask, 1 is perfect", 3, HIGHER),
+    ),
+    *_about(
+        SURE,
+        Metric(
+            "landmark_nees", "NEES of landmarks", "", "squared error over what the covariance says: 1 where it is right", 2, 0
+        ),
+        Metric("landmark_nees_offset_free", "… offset-free", "", "the same without constant offsets in the segments", 2, 0),
+        Metric("state_nees", "NEES of the state", "", "the same of all degrees of freedom together", 2, 0),
+        Metric("residual_px", "Residual", "px", "rms distance of predicted and seen contours, all cameras", 2, 0),
+        Metric("residual_px_*", "Residual", "px", "of one camera", 2, 0),
+        Metric("residual_gray_levels", "Residual", "gray levels", "rms difference of colors or texture, all cameras", 2, 0),
+        Metric("residual_gray_levels_*", "Residual", "gray levels", "of one camera", 2, 0),
+        Metric("opensim_marker_rms_mm", "Markers of OpenSim", "mm", "rms distance to the landmarks, mean of the sets", 1, 0),
+        Metric("opensim_marker_max_mm", "… largest", "mm", "of any marker in any set", 1, 0),
+        Metric("bone_length_std_mm", "Bone lengths, spread", "mm", "standard deviation over the run, mean of the bones", 1, 0),
+        Metric("truth_bone_length_std_mm", "… of the truth", "mm", "the truth's own inconstancy", 1, 0),
+    ),
+    *_about(
+        TIME,
+        Metric("iterations", "Iterations", "", "steps of the optimizer per set, mean", 2),
+        Metric("total_ms_p50", "Time per image set", "ms", "median"),
+        Metric("total_ms_p95", "… 95th percentile", "ms", ""),
+        Metric("total_ms_p99", "… 99th percentile", "ms", "with the compilation of a first start, if the run begins with it"),
+    ),
 )
 
 
@@ -115,7 +155,7 @@ def described(keys: Iterable[str]) -> list[tuple[Metric, str, str]]:
 
 
 def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> Table:
-    """The metrics that `METRICS` describes, then targets for others; differences to the first run for every other.
+    """All metrics by what they answer, those that `METRICS` does not describe last; differences to the first run.
 
     Parameters
     ----------
@@ -131,7 +171,12 @@ def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> T
     shown = {key for _, key, _ in keys}
     known = {key for run in values for key in run}
     for key in targets.keys() - shown:  # a target that nothing was measured for is missed
-        keys.append((Metric(key, key, "", "" if key in known else "was not measured", 3), key, key))
+        asked = Metric(key, key, "", "" if key in known else "was not measured", 3, about=TRUTH)
+        keys.insert(sum(metric.about in QUESTIONS[:3] for metric, _, _ in keys), (asked, key, key))
+    others_too = sorted(known - shown - targets.keys())
+    keys += [(Metric(key, key.replace("_", " "), "", "", 3, 0, _REST), key, key) for key in others_too]
+    counts = Counter(metric.about for metric, _, _ in keys)
+    parts = [(question, counts[question], question == _REST) for question in (*QUESTIONS, _REST) if counts[question]]
     others = [review.name for review in reviews[1:]]
     columns = [Column("metric", is_text=True), *(Column("value" if not others else review.name) for review in reviews)]
     if len(others) == 1:
@@ -147,7 +192,7 @@ def summary_table(reviews: Sequence[Review], targets: Mapping[str, Target]) -> T
     note = "" if not others else f"Differences are to {reviews[0].name}; the word beside one says which way it is."
     if not all(alike):
         note += " Counts of runs with other numbers of image sets have none."
-    return Table("summary", "Metrics", note, columns, rows)
+    return Table("summary", "Metrics", note, columns, rows, parts)
 
 
 def _summary_row(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from ...report.document import Cell, Column, Table, Value, sign_of
+from ...report.document import Column, Table, Value, sign_of
 from ..metrics import SPREAD_TITLES, Spread, intervals, spread_of
-from ..motion.gait import SIDES, Strides
 from ..review import PERCENTILES, Review
 
 
@@ -187,36 +186,3 @@ def _consistent(mean: float, low: float, high: float) -> str:
     if not math.isfinite(mean):
         return ""
     return "within" if low <= mean <= high else "too sure" if mean > high else "too cautious"
-
-
-def gait_table(review: Review) -> Table | None:
-    """Measures of the strides of either foot, mean and standard deviation; None where nobody walks."""
-    gait = review.gait
-    if gait is None:
-        return None
-    measured: list[tuple[str, str, int, Callable[[Strides], np.ndarray]]] = [
-        ("Stride time", "s", 2, lambda foot: foot.times_s),
-        ("Step time", "s", 2, lambda foot: foot.steps_s),
-        ("Stride length", "m", 2, lambda foot: foot.lengths_m),
-        ("Stance", "%", 1, lambda foot: 100.0 * foot.stance),
-    ]
-    rows: list[list[Value]] = []
-    for title, unit, digits, of in measured:
-        values = [of(gait.strides[side]) for side in SIDES]
-        known = [v[np.isfinite(v)] for v in values]
-        means = [float(v.mean()) if len(v) else np.nan for v in known]
-        row: list[Value] = [title]
-        for mean, v in zip(means, known, strict=True):
-            row += [Cell(mean, digits=digits), Cell(float(v.std(ddof=1)) if len(v) > 1 else np.nan, digits=digits)]
-        rows.append([*row, Cell(means[0] / means[1], digits=2), unit])
-    counts = " and ".join(f"{len(gait.strides[side].starts_s)} of the {side} foot" for side in SIDES)
-    steps = gait.metrics()["cadence_per_min"]
-    note = (
-        f"Whole ones: {counts}; {steps:.0f} steps a minute, {gait.speed_m_s:.2f} m/s over ground. A foot touches the floor where"
-        " its heel is farthest before the pelvis, and leaves it where its toes are farthest behind (Zeni et al. 2008); 6 Hz"
-        " low-pass."
-    )
-    columns = [Column("measure", is_text=True)]
-    columns += [Column(title, group=side) for side in SIDES for title in ("mean", "SD")]
-    columns += [Column("left / right"), Column("", is_text=True)]
-    return Table(f"gait_{review.name}", "Strides", note, columns, rows)

@@ -20,9 +20,9 @@ from ...observation.chamfer.observer import Observer
 from ...observation.image_set import ImageSet
 from ...render.contour.samples import CLASS, OUTER, U, V
 from ...render.overlay import draw_overlay
+from ...render.palette import BLACK, BLUE, GRAY, GREEN, ORANGE, RED
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
-from ...report.document import BLACK, BLUE, GRAY, GREEN, ORANGE, RED
 from ...report.page import PageSection
 from ...tracking.config import TrackerConfig
 from ..plots import Profile, body_box, plain_axes, save

@@ -17,7 +17,7 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import N_ROOT, ROOT_NAMES, Configuration, State, to_variables
 from ...render.overlay import masked_image
-from ...report.document import BLUE, GRAY, GREEN, ORANGE, PURPLE
+from ...render.palette import BLUE, GRAY, GREEN, ORANGE, PURPLE
 from ...report.metrics_file import format_metrics, write_metrics
 from ...report.page import PageSection, text_table, write_page
 from ...report.progress import say

@@ -1,7 +1,7 @@
 // Draws the charts one after the other when the page has been laid out, so that it can be read before all of them are there.
 
 const charts = JSON.parse(document.getElementById("charts").textContent);
-const curves = JSON.parse(document.getElementById("curves-data").textContent);
+const { times, curves } = JSON.parse(document.getElementById("curves-data").textContent);
 
 function save(name, type, text) {
   const link = document.createElement("a");
@@ -49,34 +49,48 @@ function drawCurve(curve) {
     const low = 1 - (i + 1) * share - i * gap;
     layout[`yaxis${suffix}`] = { ...axis, domain: [Math.max(low, 0), low + share],
       title: { text: `${panel.title || curve.name} [${curve.unit}]` } };
-    for (const line of panel.lines) data.push({ ...line, yaxis: `y${suffix}`, legendgroup: line.name, showlegend: i === 0 });
+    for (const line of panel.lines) {
+      data.push({ ...line, x: times[line.x], yaxis: `y${suffix}`, legendgroup: line.legendgroup || line.name, showlegend: i === 0 && line.fill === undefined });
+    }
   });
+  if (curve.filter.length) {
+    layout.margin.b += 12 + 12 * curve.filter.length;
+    layout.annotations = [{ xref: "paper", yref: "paper", x: 0, y: 0, xshift: -54, yshift: -52, text: curve.filter.join("<br>"),
+      showarrow: false, align: "left", xanchor: "left", yanchor: "top", font: { size: 10, color: "#777777" } }];
+  }
   const name = `${curve.group} ${curve.name}`.replaceAll(" ", "_");
   return Plotly.react("curve", data, layout, options(name, data));
 }
 
+// Two lists: the groups of curves, and what is in the chosen one
 function fillCurves() {
+  const group = document.getElementById("curve-group");
   const select = document.getElementById("curve-choice");
-  const groups = new Map();
-  curves.forEach((curve, i) => {
-    if (!groups.has(curve.group)) {
-      const group = document.createElement("optgroup");
-      group.label = curve.group;
-      groups.set(curve.group, group);
-      select.append(group);
-    }
-    groups.get(curve.group).append(new Option(curve.name, String(i)));
-  });
+  for (const name of new Set(curves.map((curve) => curve.group))) group.append(new Option(name));
   const show = () => drawCurve(curves[Number(select.value)]);
+  const fill = () => {
+    select.replaceChildren();
+    curves.forEach((curve, i) => { if (curve.group === group.value) select.append(new Option(curve.name, String(i))); });
+  };
+  group.addEventListener("change", () => { fill(); show(); });
   select.addEventListener("change", show);
   const step = (by) => {
-    select.value = String((Number(select.value) + by + curves.length) % curves.length);
+    const next = (Number(select.value) + by + curves.length) % curves.length;
+    if (curves[next].group !== group.value) { group.value = curves[next].group; fill(); }
+    select.value = String(next);
     show();
   };
   document.getElementById("curve-before").addEventListener("click", () => step(-1));
   document.getElementById("curve-after").addEventListener("click", () => step(1));
+  fill();
   return show();
 }
+
+// On paper charts are as wide as the page, not as the window
+const PAPER_PX = 700;
+const drawn = () => document.querySelectorAll(".js-plotly-plot");
+addEventListener("beforeprint", () => drawn().forEach((chart) => Plotly.relayout(chart, { autosize: false, width: PAPER_PX })));
+addEventListener("afterprint", () => drawn().forEach((chart) => Plotly.relayout(chart, { autosize: true, width: null })));
 
 const pause = () => new Promise((resolve) => setTimeout(resolve, 0));
 

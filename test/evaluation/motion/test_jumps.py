@@ -1,0 +1,104 @@
+"""Jumps whose velocity at take-off is known, one that was captured, and motions without any."""
+
+import numpy as np
+import pytest
+
+from helpers.bodies import known_motions as known
+from tracker_node.evaluation.motion.jumps import GRAVITY, Jump, find_jumps, jump_metrics
+from tracker_node.evaluation.motion.mass_center import mass_center
+from tracker_node.synthesis.motions.deepmimic import load_motion
+from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
+
+
+def jumps_of(motion, moved: np.ndarray | None = None) -> list[Jump]:
+    points = motion.landmarks_m
+    if moved is not None:
+        points = np.where(moved[:, None, None], np.nan, points)
+    names = motion.model.landmark_names
+    named = dict(zip(names, np.swapaxes(points, 0, 1), strict=True))
+    return find_jumps(motion.stamps_ns * 1e-9, named, mass_center(names, points))
+
+
+@pytest.mark.parametrize(("velocity", "rate_hz"), [(2.6, 30.0), (2.6, 60.0), (2.6, 200.0), (1.8, 60.0)])
+def test_three_ways_come_to_the_height_of_the_jump(velocity, rate_hz):
+    height, air = velocity**2 / (2.0 * GRAVITY), 2.0 * velocity / GRAVITY
+    found = jumps_of(known.jump(velocity, rate_hz, times=2))
+    assert len(found) == 2
+    for jump, start in zip(found, (0.78, 0.78 + 0.78 + known.PUSH_S + air), strict=True):
+        assert jump.take_off_s == pytest.approx(start, abs=0.5 / rate_hz)
+        assert jump.landing_s - jump.take_off_s == pytest.approx(air, abs=1.0 / rate_hz)
+        for value, sd in (jump.rise_m, jump.take_off_m, jump.air_m):
+            assert abs(value - height) < 1.5 * sd and sd < 0.8 / rate_hz
+        assert abs(jump.velocity_m_s[0] - velocity) < 1.5 * jump.velocity_m_s[1]
+        assert jump.fall_m_s2[0] == pytest.approx(GRAVITY, rel=1e-3)
+
+
+def test_what_is_said_of_the_uncertainty_holds_over_many_jumps():
+    """Jumps at other phases of the images, with noise: errors of one standard deviation as it should be."""
+    height = 2.4**2 / (2.0 * GRAVITY)
+    off: dict[str, list[float]] = {"rise_m": [], "take_off_m": [], "air_m": []}
+    for seed in range(12):
+        motion = known.jump(2.4, 50.0 + 1.7 * seed, noise_m=0.004, seed=seed)
+        (jump,) = jumps_of(motion)
+        for way in off:
+            value, sd = getattr(jump, way)
+            off[way].append((value - height) / sd)
+    for way, errors in off.items():
+        assert 0.4 < np.sqrt(np.mean(np.square(errors))) < 1.5, (way, errors)
+
+
+def captured(clip: str, folder) -> list[Jump]:
+    motion = load_motion(clip, 60.0, None, folder)
+    points = np.array([body.landmarks for body in MannequinSubject().follow(motion)])
+    names = list(LANDMARKS)
+    for side in ("left", "right"):  # the mannequin's landmarks have no feet: its ankles stand in, and rise before it takes off
+        ankle = points[:, [names.index(f"{side}_ankle")]]
+        points, names = np.concatenate([points, ankle, ankle], axis=1), [*names, f"{side}_heel", f"{side}_big_toe"]
+    named = dict(zip(names, np.swapaxes(points, 0, 1), strict=True))
+    return find_jumps(np.arange(len(points)) / 60.0, named, mass_center(names, points))
+
+
+def test_a_captured_jump(shared_data):
+    (jump,) = captured("jump", shared_data / "bullet_motions")
+    heights = [value for value, _ in (jump.rise_m, jump.take_off_m, jump.air_m)]
+    assert heights == pytest.approx([0.25] * 3, abs=0.015) and max(heights) - min(heights) < 0.015
+    assert jump.fall_m_s2[0] == pytest.approx(GRAVITY, rel=0.05)
+
+
+@pytest.mark.parametrize("clip", ["walk", "run", "kick"])
+def test_who_walks_runs_or_kicks_does_not_jump(shared_data, clip):
+    assert captured(clip, shared_data / "bullet_motions") == []
+
+
+def test_a_walk_and_a_crouch_are_no_jumps():
+    assert jumps_of(known.walk(seconds=3.0)) == []
+    jump = known.jump(2.4, 60.0)
+    low = type(jump)(jump.model, jump.stamps_ns[:40], jump.states[:40])
+    assert jumps_of(low) == []
+
+
+def test_a_lift_is_not_a_fall():
+    """Somebody who is lifted and put down slowly leaves the floor, too."""
+    jump = known.jump(2.4, 60.0)
+    t = jump.stamps_ns * 1e-9
+    points = np.tile(jump.landmarks_m[:1], (len(t), 1, 1))
+    points[..., 2] += 0.3 * np.clip(np.sin(np.pi * (t - 0.4) / 1.2), 0.0, None)[:, None] ** 2
+    named = dict(zip(jump.model.landmark_names, np.swapaxes(points, 0, 1), strict=True))
+    assert find_jumps(t, named, mass_center(jump.model.landmark_names, points)) == []
+
+
+def test_a_jump_with_a_gap_in_it_or_without_feet_is_not_measured():
+    jump = known.jump(2.4, 60.0)
+    t = jump.stamps_ns * 1e-9
+    assert len(jumps_of(jump)) == 1
+    assert jumps_of(jump, (t > 0.76) & (t < 0.82)) == []
+    names, points = jump.model.landmark_names, jump.landmarks_m
+    rest = {name: points[:, m] for m, name in enumerate(names) if not name.startswith("left_")}
+    assert find_jumps(t, rest, mass_center(names, points)) == [] == find_jumps(t, rest, None)
+
+
+def test_metrics_are_means_over_jumps():
+    found = jumps_of(known.jump(2.4, 100.0, times=2))
+    figures = jump_metrics(found)
+    assert figures["jumps"] == 2 and figures["jump_height_rise_m"] == pytest.approx(np.mean([j.rise_m[0] for j in found]))
+    assert figures["jump_height_air_m"] == pytest.approx(2.4**2 / 2.0 / GRAVITY, abs=0.01) and jump_metrics([]) == {}

@@ -1,0 +1,188 @@
+"""Jumps of a person: when both feet are off the floor and the center of mass falls as everything does, and how high it rose.
+
+Height is measured in three ways, which agree where the body's size, its masses and the instants are right:
+
+- *rise*: highest point of the center of mass less its place at take-off;
+- *take-off*: v^2 / 2g of its upward velocity v at take-off, the slope there of a parabola that falls at g;
+- *air*: g T^2 / 8 of the time T in the air, right where one lands in the pose of the take-off.
+
+Source: N. P. Linthorne, "Analysis of standing vertical jumps using a force platform", Am. J. Phys. 69 (2001) 1198-1204.
+Standard deviations come from what the parabola leaves of the center's path, and from the instants, which are known to an image
+divided by the root of 12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+GRAVITY = 9.80665
+_CLEAR_M = 0.025  # a foot so far above where it stands is off the floor
+_LOW = 10.0  # percentile of a foot point's height, which is near to where it stands
+_SHORTEST_S = 0.2
+_LINE_S = 0.03  # a foot's way next to the floor that is taken for a straight line
+_OFF_M = 0.006  # a center of mass so far off its parabola does not fall any more
+_MEDIAN = 0.6745  # median of what is normal without its sign, in standard deviations
+_FEWEST = 6  # image sets in the air, of which a parabola says something
+_FALL = (0.75, 1.25)  # of gravity: what is found of a body that is free
+_LEAST_M = 0.05
+_ALIKE = (0.6, 1.6)  # height by velocity over that by time: others land far lower than they took off, or run
+_FEET = ("heel", "big_toe", "ankle")
+
+
+@dataclass(frozen=True)
+class Jump:
+    """One jump; each height in meters with its standard deviation.
+
+    Attributes
+    ----------
+    take_off_s, landing_s : instants.
+    rise_m, take_off_m, air_m : (height, standard deviation).
+    velocity_m_s : upward at take-off, and its standard deviation.
+    fall_m_s2 : downward acceleration in the air when it is fitted, too, and its standard deviation.
+    """
+
+    take_off_s: float
+    landing_s: float
+    rise_m: tuple[float, float]
+    take_off_m: tuple[float, float]
+    air_m: tuple[float, float]
+    velocity_m_s: tuple[float, float]
+    fall_m_s2: tuple[float, float]
+
+
+def jump_metrics(jumps: Sequence[Jump]) -> dict[str, float | int]:
+    """Means over the jumps by key; none without a jump."""
+    if not jumps:
+        return {}
+    heights = {
+        "rise": [j.rise_m[0] for j in jumps],
+        "take_off": [j.take_off_m[0] for j in jumps],
+        "air": [j.air_m[0] for j in jumps],
+    }
+    found = {f"jump_height_{way}_m": float(np.mean(values)) for way, values in heights.items()}
+    return {"jumps": len(jumps), **found, "jump_fall_m_s2": float(np.mean([j.fall_m_s2[0] for j in jumps]))}
+
+
+def find_jumps(times_s: np.ndarray, points: Mapping[str, np.ndarray], center: np.ndarray | None) -> list[Jump]:
+    """Jumps in a motion; a step or a stride of somebody who runs is too short to be one.
+
+    Parameters
+    ----------
+    times_s : (n,) increasing.
+    points : landmark -> (n, 3) meters, z up; not-a-number in gaps. Heels, big toes and ankles, as many as there are of both feet.
+    center : (n, 3) center of mass, not filtered; None of a body without one.
+
+    Returns
+    -------
+    In order of time; empty where none is found, or feet or center are not known.
+    """
+    feet = [f"{side}_{part}" for side in ("left", "right") for part in _FEET if f"{side}_{part}" in points]
+    if center is None or {name.split("_")[0] for name in feet} != {"left", "right"}:
+        return []
+    heights = np.column_stack([points[name][:, 2] for name in feet])
+    known = np.isfinite(heights).all(axis=1) & np.isfinite(center).all(axis=1)
+    if known.sum() < _FEWEST:
+        return []
+    clear = (heights - _floors(heights[known])).min(axis=1)
+    found = []
+    for first, last in _series(known & (clear > _CLEAR_M)):
+        if first == 0 or last == len(times_s) - 1 or not (known[first - 1] and known[last + 1]):
+            continue  # it does not begin or end here
+        start, end = _on_floor(times_s, clear, first, 1), _on_floor(times_s, clear, last, -1)
+        falls_from, falls_to = _falling(times_s, center[:, 2], first, last)
+        if falls_from > first:
+            start = float(times_s[falls_from])
+        if falls_to < last:
+            end = float(times_s[falls_to])
+        air = slice(falls_from, falls_to + 1)
+        at_take_off = float(np.interp(start, times_s[known], center[known, 2]))
+        jump = _jump(times_s[air], center[air, 2], (start, end), at_take_off, float(np.median(np.diff(times_s))))
+        if jump is not None:
+            found.append(jump)
+    return found
+
+
+def _floors(heights: np.ndarray) -> np.ndarray:
+    """(k,) where each point of the feet stands: the median of its heights (n, k) that are near to the lowest."""
+    near = np.abs(heights - np.percentile(heights, _LOW, axis=0)) < _CLEAR_M
+    return np.nanmedian(np.where(near, heights, np.nan), axis=0)
+
+
+def _series(there: np.ndarray) -> list[tuple[int, int]]:
+    """First and last of every series."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(int)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _falling(times_s: np.ndarray, height: np.ndarray, first: int, last: int) -> tuple[int, int]:
+    """Of the sets from ``first`` to ``last`` those around the highest that lie on one parabola that falls at g.
+
+    Heels rise long before somebody takes off, and where toes do not bend of their own, the feet's other points say too much.
+    """
+    top = first + int(np.argmax(height[first : last + 1]))
+    half = max(min(top - first, last - top) // 2, 3)
+    known = height[np.isfinite(height)]
+    noise = float(np.median(np.abs(np.diff(known, 3)))) / (
+        _MEDIAN * np.sqrt(20.0)
+    )  # of third differences, which leave little else
+    a, b = max(top - half, first), min(top + half, last)
+    path = height + 0.5 * GRAVITY * (times_s - times_s[top]) ** 2  # a straight line where it falls
+    while a > first or b < last:
+        line = np.polyfit(times_s[a : b + 1], path[a : b + 1], 1)
+        off = np.abs(path - np.polyval(line, times_s))
+        bound = max(_OFF_M, 4.0 * noise, 3.0 * float(np.sqrt(np.mean(off[a : b + 1] ** 2))))
+        wider = (a - (a > first and off[a - 1] < bound), b + (b < last and off[b + 1] < bound))
+        if wider == (a, b):
+            break
+        a, b = wider
+    return int(a), int(b)
+
+
+def _on_floor(times_s: np.ndarray, clear: np.ndarray, first: int, step: int) -> float:
+    """When the foot was on the floor: the line through its heights in the air next to ``first``, taken on to 0."""
+    near = [first, first + step]
+    while abs(times_s[near[-1] + step] - times_s[first]) <= _LINE_S and clear[near[-1] + step] > _CLEAR_M:
+        near.append(near[-1] + step)
+    slope, at = np.polyfit(times_s[near] - times_s[first], clear[near], 1)
+    reach = step * at / slope if slope * step > 0.0 else 0.0  # how long before the first, or after the last
+    return float(times_s[first] - step * min(max(reach, 0.0), _LINE_S))
+
+
+def _jump(times_s: np.ndarray, height: np.ndarray, instants: Sequence[float], at_take_off: float, period_s: float) -> Jump | None:
+    """None where the center of mass does not fall as a free body, or for too short a time."""
+    start, end = instants
+    air = end - start
+    if air < _SHORTEST_S or len(times_s) < _FEWEST:
+        return None
+    t = times_s - start
+    free, free_covariance = _fitted(np.column_stack([np.ones_like(t), t, -0.5 * t**2]), height)
+    if not _FALL[0] <= free[2] / GRAVITY <= _FALL[1]:
+        return None
+    (foot, v), covariance = _fitted(np.column_stack([np.ones_like(t), t]), height + 0.5 * GRAVITY * t**2)
+    by_velocity, by_time = v**2 / (2.0 * GRAVITY), GRAVITY * air**2 / 8.0
+    if v <= 0.0 or by_velocity < _LEAST_M or not _ALIKE[0] <= by_velocity / by_time <= _ALIKE[1]:
+        return None
+    instant = period_s / np.sqrt(12.0)
+    noise = float(np.sqrt(np.mean((height - (foot + v * t - 0.5 * GRAVITY * t**2)) ** 2)))
+    by_instants = v * instant  # the path's slope there, and what a velocity is worth in height
+    slope = v / GRAVITY * np.sqrt(covariance[1, 1])
+    return Jump(
+        start,
+        end,
+        (float(foot + by_velocity - at_take_off), float(np.hypot(by_instants, noise))),
+        (float(by_velocity), float(np.hypot(by_instants, slope))),
+        (by_time, float(GRAVITY * air / 4.0 * np.sqrt(2.0) * instant)),
+        (float(v), float(np.hypot(GRAVITY * instant, np.sqrt(covariance[1, 1])))),
+        (float(free[2]), float(np.sqrt(free_covariance[2, 2]))),
+    )
+
+
+def _fitted(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients by least squares, and their covariance by what is left."""
+    found, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    left = values - columns @ found
+    variance = float(left @ left) / max(len(values) - columns.shape[1], 1)
+    return found, variance * np.linalg.inv(columns.T @ columns)
