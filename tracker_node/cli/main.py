@@ -18,7 +18,7 @@ from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
 
 NODES = ("camera_ingest", "keypoints", "tracker", "compose", "recorder", "player", "pipeline", "rectify")
-_BESIDE_NODES = ("layouts",)  # what they are watched with
+_BESIDE_NODES = ("layouts", "urdf")  # what they are watched with
 INTERRUPTED = 130  # as a shell has it
 
 

@@ -13,8 +13,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.model.model_yaml import load_model
-    from ..loaders.model.urdf_writer import urdf_of
+    from ...loaders.model.model_yaml import load_model
+    from ...loaders.model.urdf_writer import urdf_of
 
     print(urdf_of(load_model(args.model)))
     return 0
