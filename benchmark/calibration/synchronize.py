@@ -118,17 +118,18 @@ def _lit(still: np.ndarray, t: float, flash: float, rng: np.random.Generator) ->
     return np.clip(image + rng.normal(0.0, 3.0, image.shape), 0, 255).astype(np.uint8)
 
 
-def write_video(path: Path, images, rate_hz: float, sound: np.ndarray | None = None) -> None:
+def write_video(path: Path, images, rate_hz: float, sound: np.ndarray | None = None, size: tuple[int, int] = SIZE) -> None:
     """An MP4 of images (h, w, 3) BGR, with sound where there is any.
 
     Parameters
     ----------
     path, images, rate_hz : of the video.
     sound : (n,) float32 at `SOUND_HZ`.
+    size : (width, height) of the images.
     """
     with av.open(str(path), "w") as container:
         video = container.add_stream("mpeg4", rate=Fraction(rate_hz).limit_denominator(1001))
-        video.width, video.height, video.pix_fmt, video.bit_rate = *SIZE, "yuv420p", 2_000_000
+        video.width, video.height, video.pix_fmt, video.bit_rate = *size, "yuv420p", 2_000_000 if size == SIZE else 20_000_000
         audio = None
         if sound is not None:
             audio = container.add_stream("aac", rate=SOUND_HZ)

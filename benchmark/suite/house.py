@@ -6,7 +6,8 @@
 ``house.documented_public``: fraction of the public functions and methods of two or more arguments whose docstring has
 Parameters and, where something is returned, Returns; methods that override those of a base class are not counted.
 ``docs.pages``, ``docs.words``: ``docs/*.md`` and the README without generated pages. ``api.script_lines``: lines of the script
-in the README, blank ones left out. ``start.import_s``: median of fresh processes from their start to their end;
+in the README, blank ones left out. ``phone.tutorial_commands``: from videos to a report, in docs/phones.md.
+``start.import_s``: median of fresh processes from their start to their end;
 ``start.import_in_numpy`` is that over the median of ``import numpy``. ``--quick`` starts fewer processes.
 """
 
@@ -54,6 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
         "docs.pages": len(pages),
         "docs.words": sum(len(page.read_text().split()) for page in pages),
         "api.script_lines": script_lines((ROOT / "README.md").read_text()),
+        "phone.tutorial_commands": tutorial_commands(ROOT),
         "start.import_s": own_s,
         "start.import_in_numpy": own_s / numpy_s,
     }
@@ -61,6 +63,11 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"largest folder: {largest.relative_to(ROOT)}")
     report_metrics(figures, args.json)
     return 0
+
+
+def tutorial_commands(root: Path) -> int:
+    """Commands of the tutorial with phones; a test runs them."""
+    return len(re.findall(r"^    tracker_node ", (root / "docs/phones.md").read_text(), re.MULTILINE))
 
 
 def python_files(folder: Path) -> list[Path]:

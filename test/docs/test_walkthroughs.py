@@ -3,6 +3,8 @@
 The tutorial and the README run on the first images of the sample, with the edits that they ask for.
 """
 
+import itertools
+import json
 import re
 import shutil
 import sys
@@ -15,17 +17,21 @@ import numpy as np
 import pytest
 import yaml
 
+from benchmark.suite.house import tutorial_commands
+from helpers.cameras import phone_films
 from helpers.docs.commands import CHANGED, NOT_RUN, is_run, why_not_run
 from helpers.docs.given import GIVEN, shipped_files
-from helpers.docs.pages import PAGES, Block, Command, blocks_of, commands_of, mentions_of
+from helpers.docs.pages import PAGES, ROOT, Block, Command, blocks_of, commands_of, mentions_of
 from helpers.docs.place import Place, Shelf
 from helpers.docs.walkthrough import Walkthrough
 from helpers.sources.sample import sample_or_skip
+from helpers.sources.weights import weights_or_skip
 from tracker_node.cli.main import main
+from tracker_node.loaders.rig.rig_yaml import load_rig
 
 N_IMAGES = 6
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
-WITH_SAMPLE = ("README.md", "docs/tutorial.md")
+WITH_SAMPLE = ("README.md", "docs/tutorial.md", "docs/phones.md")
 COMMANDS = [command for page in PAGES for command in commands_of(page)]
 
 
@@ -198,6 +204,35 @@ def test_the_tutorial(sample, walkthrough):
     assert walkthrough.done == [command for command in commands_of("docs/tutorial.md") if is_run(command)]
     assert all(Path(run, "report.html").is_file() for run in ("run1", "run2", "run3"))
     assert Path("live/bag/metadata.yaml").is_file()
+
+
+@pytest.mark.long
+def test_phones(sample, walkthrough, tmp_path):
+    """Videos of a real man and of a drawn board, cut as phones would that are started one by one, with claps in their sound."""
+    weights_or_skip()
+    pytest.importorskip("av", reason="the extra sound is not installed")
+    true = phone_films.write_films(sample, tmp_path, tmp_path / "sample")
+
+    def after(block: Block) -> None:
+        if block.language == "yaml":
+            Path("phones.yaml").write_text(block.text)
+
+    walkthrough.follow("docs/phones.md", after)
+    assert walkthrough.done == commands_of("docs/phones.md")
+    rig, timed = load_rig("rig.yaml"), load_rig("rig_timed.yaml")
+    late = {camera.name: 1e-9 * camera.time_offset_ns for camera in timed}
+    for name, images in phone_films.LATE_IMAGES.items():
+        assert late[name] - late["right"] == pytest.approx(images / phone_films.RATE_HZ, abs=0.005)
+    for a, b in itertools.combinations(rig.names, 2):  # distances are the same in any world
+        apart, expected = (float(np.linalg.norm(r[a].center - r[b].center)) for r in (rig, true))
+        assert apart == pytest.approx(expected, abs=0.12), (a, b)
+    summary = json.loads(Path("run/run.json").read_text())
+    assert summary["image_sets"] >= 80 and summary["status_counts"].get("LOST", 0) == 0
+    assert Path("run/report.html").is_file() and Path("run/report.pdf").is_file()
+
+
+def test_phones_take_five_commands():
+    assert tutorial_commands(ROOT) == len(commands_of("docs/phones.md")) <= 5
 
 
 @pytest.mark.long

@@ -20,6 +20,8 @@ from .points.triangulation import reproject, triangulate
 
 LEAST_M = 1e-9  # points that are nearer to each other are one
 UP = np.array([0.0, 0.0, 1.0])
+_CLEARLY_UP = 0.8  # cosine of the angle between an axis of the world and what is up for the cameras
+_AGREED_UP = 0.3  # length of the mean of the cameras' ups
 _LINE = 0.02  # second singular value to the first from which on points do not lie on a line
 
 
@@ -162,6 +164,15 @@ def upright(up: np.ndarray) -> WorldChange:
     _check_vertical(up)
     rotation, _ = Rotation.align_vectors(UP[None], up[None])
     return WorldChange(rotation.as_matrix(), np.zeros(3))
+
+
+def up_of_cameras(rig: CameraRig) -> np.ndarray | None:
+    """The axis of the world, one way or the other, that is up for cameras that stand about upright; None where none is."""
+    up = -np.mean([camera.T_world_cam[:3, 1] for camera in rig], axis=0)
+    axis, length = int(np.argmax(np.abs(up))), float(np.linalg.norm(up))
+    if length < _AGREED_UP or abs(up[axis]) < _CLEARLY_UP * length:
+        return None
+    return np.sign(up[axis]) * np.eye(3)[axis]
 
 
 def scaled(factor: float) -> WorldChange:

@@ -11,13 +11,14 @@ import importlib
 import os
 import pkgutil
 import sys
+from keyword import iskeyword
 from types import ModuleType
 
 from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
 
 NODES = ("camera_ingest", "keypoints", "tracker", "compose", "recorder", "player", "pipeline", "rectify", "rerun_bridge")
-_BESIDE_NODES = ("layouts", "rerun")  # what they are watched with
+_BESIDE_NODES = ("layouts", "rerun", "urdf")  # what they are watched with
 INTERRUPTED = 130  # as a shell has it
 
 
@@ -28,12 +29,14 @@ def verbs() -> list[str]:
     """Names of all verbs, from the modules of this package."""
     package = importlib.import_module("tracker_node.cli")
     found = (m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
-    return sorted({*NODES, *_BESIDE_NODES, *found} - {*_NO_VERBS})
+    return sorted({*NODES, *_BESIDE_NODES, *(name.rstrip("_") for name in found)} - {*_NO_VERBS})
 
 
 def module_of(verb: str) -> str:
-    """Name of the module of a verb."""
-    return f"tracker_node.cli.nodes.{verb}" if verb in (*NODES, *_BESIDE_NODES) else f"tracker_node.cli.{verb}"
+    """Name of the module of a verb; ``import``, a word of Python's, has an underscore behind it."""
+    if verb in (*NODES, *_BESIDE_NODES):
+        return f"tracker_node.cli.nodes.{verb}"
+    return f"tracker_node.cli.{verb}{'_' if iskeyword(verb) else ''}"
 
 
 def parser_of(verb: str, module: ModuleType) -> argparse.ArgumentParser:

@@ -89,7 +89,7 @@ def test_the_program_writes_every_key(tmp_path):
     metrics = json.loads((tmp_path / "house.json").read_text())["metrics"]
     assert set(metrics) == {
         "house.modules", "house.lines", "house.largest_folder", "house.public_functions", "house.documented_public", "docs.pages",
-        "docs.words", "api.script_lines", "start.import_s", "start.import_in_numpy",
+        "docs.words", "api.script_lines", "phone.tutorial_commands", "start.import_s", "start.import_in_numpy",
     }  # fmt: skip
     assert metrics["house.largest_folder"] <= 15 and metrics["api.script_lines"] <= 12
     assert metrics["start.import_in_numpy"] > 0.0

@@ -8,6 +8,7 @@ import pytest
 from benchmark.calibration import synchronize as benchmark
 from helpers.cameras.swinging_disc import LATE_S, write_swinging_disc
 from tracker_node.calibration.clocks.offsets import ClockFit, Clocks
+from tracker_node.calibration.clocks.synchronization import clocks_of_videos
 from tracker_node.cli.main import main
 from tracker_node.cli.synchronize import print_table
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -70,6 +71,17 @@ def test_by_sound_and_by_flashes_of_real_videos(tmp_path, capsys):
     assert np.abs(benchmark.errors_ms(room, tmp_path, "--by", "sound")).max() < 5.0
     figures = json.loads((tmp_path / "rig_timed.json").read_text())["metrics"]
     assert figures["time.cam1.offset_sigma_ms"] > 1.0  # a meter is three milliseconds
+
+
+def test_videos_of_cameras_of_which_nothing_is_known(tmp_path):
+    room, place = benchmark.make_room(5), np.array([0.2, -0.1, 1.1])
+    benchmark.write_sounds(room, tmp_path, 5, place)
+    clocks = clocks_of_videos({camera.name: str(tmp_path / camera.source) for camera in room.rig}, 2.0)
+    way_s = [float(np.linalg.norm(camera.center - place)) / benchmark.SPEED_OF_SOUND for camera in room.rig]
+    found = np.array([clock.offset_s for clock in clocks.cameras.values()])
+    off = np.diff(found - room.late_s + way_s)  # by the way of the sound, which is not known
+    assert np.abs(off).max() < 1e-3 and np.abs(np.diff(found - room.late_s)).max() < 0.02
+    assert min(clock.offset_sigma_s for clock in clocks.cameras.values()) > 4e-3
 
 
 def test_by_flashes_of_real_videos(tmp_path, monkeypatch):

@@ -115,6 +115,8 @@ def test_bad_options_are_named(folders, tmp_path, capsys):
     assert "unknown dictionary 'DICT_9'" in said(*GIVEN, "--dictionary", "DICT_9")
     assert "at most the 50 markers of DICT_4X4_50" in said("--charuco", "30x30", "--square", "0.1", "--dictionary", "DICT_4X4_50")
     assert "'--keep-lenses'" in said(*GIVEN, "--keep-lenses")
+    assert "left: field '(file)': expected a video or a sound file, got 'a folder'" in said(*GIVEN, "--clocks", "sound")
+    assert "'--clocks': expected no sound beside --stamps" in said(*GIVEN, "--clocks", "sound", "--stamps", "stamps.csv")
     assert "expected a pattern with {name} or {number}" in said(*GIVEN, "--sources", "{nam}.mp4")
     assert "are its columns and rows (inner corners)" in said("--chessboard", "9x6", "--square", "0.1", "--quiet")
     assert "looks the same upside down" in said("--chessboard", "9x7", "--square", "0.1", "--quiet")

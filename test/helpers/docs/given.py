@@ -19,14 +19,16 @@ from helpers.cameras.moving_balls import write_balls
 from helpers.cameras.swinging_disc import write_swinging_disc
 from helpers.docs.pages import ROOT, blocks_of
 from helpers.docs.place import Place, run
-from helpers.sources import bag_samples
+from helpers.sources import bag_samples, projects
 from helpers.sources.stream_servers import RtspServer, write_stream
 from helpers.sources.v4l2_camera import V4l2Camera
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.loaders.bag.writer import BagWriter
+from tracker_node.loaders.images.file_sources import list_images
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state
+from tracker_node.loaders.motion.c3d_file import dump_c3d
 from tracker_node.loaders.motion.trajectory_file import JointTrajectory, StateRow, StateTrajectory, read_joints, write_states
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 from tracker_node.loaders.rig.camera_info import dump_camera_info
@@ -180,6 +182,26 @@ def robot(place: Place) -> None:
     shipped_files(place)
 
 
+def lab(place: Place) -> None:
+    """Videos with a calibration of Qualisys, and the true joints as a C3D file."""
+    person = place.shelf.person
+    run("rig", "export", person / "rig.yaml", "--to", "qualisys", "-o", place.folder / "Calib.qca.txt")
+    for camera in load_rig(person / "rig.yaml"):
+        (place.folder / "videos").mkdir(exist_ok=True)
+        write_video(place.folder / f"videos/{camera.name}.mp4", [Path(image) for image in list_images(str(camera.source))])
+    joints = read_joints(person / "truth.csv")
+    trajectories = MarkerTrajectories(joints.names, joints.stamps_ns * 1e-9, joints.positions_m, RATE_HZ, joints.valid)
+    dump_c3d(trajectories, place.folder / "walk.c3d")
+    block = next(block for block in blocks_of("docs/own_data.md") if block.language == "yaml")
+    (place.folder / "recording.yaml").write_text(block.text)
+    for name, target in (("person.yaml", "person.yaml"), ("state.yaml", "start.yaml")):
+        place.lay(person / name, target)
+
+
+def opencap(place: Place) -> None:
+    projects.opencap(place.folder / "OpenCapData")
+
+
 def shipped_files(place: Place) -> None:
     """The package's ``config/``, as somebody finds it who stands in the source tree."""
     place.lay(ROOT / "config", "config")
@@ -320,6 +342,9 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/nodes.md", "Play"): ((long_bag,), ()),
     ("docs/nodes.md", "Track again"): ((arm_bag,), ()),
     ("docs/nodes.md", "Watch it"): ((arm_runs, arm_bag), ()),
+    ("docs/own_data.md", "A project of another program"): ((opencap,), ()),
+    ("docs/own_data.md", "A lab with markers"): ((lab,), ()),
+    ("docs/own_data.md", "A robot"): ((robot,), ()),
     ("docs/results.md", "Evaluate"): ((arm_runs, arm_live, arm_truth), ()),
     ("docs/results.md", "Export"): ((person_run,), ()),
     ("docs/studio.md", "Studio: set a pose, digitize, play back, watch"): ((arm_runs, arm_truth, control_points), ()),

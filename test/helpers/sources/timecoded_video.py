@@ -1,5 +1,6 @@
 """Small videos with a timecode, as cameras on a generator write them."""
 
+import struct
 from fractions import Fraction
 from pathlib import Path
 
@@ -18,4 +19,18 @@ def write_timecoded(path: Path, timecode: str | None, rate: Fraction | int, n: i
             frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 30 + 20 * i, np.uint8), format="rgb24")
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
+    return path
+
+
+def count_pairs(path: Path, frames: int) -> Path:
+    """Make a video of 59.94 Hz that numbers every image one that numbers pairs of them, of which ``frames`` have passed.
+
+    Some cameras do that (SMPTE ST 12-1 ends at 30 a second); the libraries here write the former alone.
+    """
+    data, counted = path.read_bytes(), struct.pack(">IIB", 60000, 1001, 60)
+    assert data.count(counted) == 1
+    data = data.replace(counted, struct.pack(">IIB", 30000, 1001, 30))
+    described = data.index(struct.pack(">IIB", 30000, 1001, 30))
+    (place,) = struct.unpack_from(">I", data, data.index(b"stco", described) + 12)  # of the one sample of its track
+    path.write_bytes(data[:place] + struct.pack(">I", frames) + data[place + 4 :])
     return path

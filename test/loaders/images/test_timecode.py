@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from helpers.sources.timecoded_video import write_timecoded
+from helpers.sources.timecoded_video import count_pairs, write_timecoded
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.images.timecode import Timecode, read_timecode
 
@@ -46,7 +46,27 @@ def test_dropped_numbers_keep_to_the_time_of_day():
 @pytest.mark.parametrize(("name", "label", "rate"), [("a.mov", "10:11:12:05", 25), ("b.mp4", "23:59:59;28", NTSC)])
 def test_the_timecode_of_a_file(tmp_path, name, label, rate):
     found = read_timecode(write_timecoded(tmp_path / name, label, rate))
-    assert found.label == label and found.rate_hz == pytest.approx(float(rate))
+    assert found.label == label and found.rate_hz == found.counted_hz == pytest.approx(float(rate))
+
+
+@pytest.mark.parametrize("name", ["a.mov", "b.mp4"])
+def test_above_30_hz_the_file_says_whether_images_or_pairs_of_them_are_counted(tmp_path, name):
+    images = read_timecode(write_timecoded(tmp_path / name, "01:00:00:55", DOUBLE))
+    assert images.label == "01:00:00:55" and images.counted_hz == pytest.approx(float(DOUBLE))
+    assert images.seconds == pytest.approx((3600 * 60 + 55) / float(DOUBLE))
+    pairs = read_timecode(count_pairs(tmp_path / name, 3600 * 30 + 27))
+    assert pairs.label == "01:00:00:27" and pairs.rate_hz == pytest.approx(float(DOUBLE))
+    assert pairs.seconds == pytest.approx((3600 * 30 + 27) / float(NTSC))
+    assert images.seconds - pairs.seconds == pytest.approx(1.0 / float(DOUBLE))  # the first or the second of the pair
+    assert pairs.sigma_s == pytest.approx(2.0 * images.sigma_s) == pytest.approx(1001 / 30000 / 12**0.5)
+
+
+def test_a_file_that_does_not_say_what_is_counted_is_less_sure():
+    assert Timecode("01:00:00:24", 25.0).sigma_s == pytest.approx(0.04 / 12**0.5)  # no doubt up to 30
+    assert Timecode("01:00:00:40", 60.0).sigma_s == pytest.approx(1 / 60 / 12**0.5)  # nor where the number tells
+    doubtful = Timecode("01:00:00:24", 60.0)
+    other = Timecode("01:00:00:24", 60.0, 30.0)
+    assert doubtful.sigma_s * 12**0.5 > abs(doubtful.seconds - other.seconds) > 0.3
 
 
 def test_what_has_no_timecode_is_named(tmp_path):

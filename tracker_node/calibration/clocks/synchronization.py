@@ -84,7 +84,7 @@ def synchronized(
 
 
 def _by_timecode(rig: CameraRig, progress: Progress) -> Synchronization:
-    """By what the cameras have written: their images are exposed at any time within the period that they number."""
+    """By what the cameras have written: their images are exposed at any time within the period of their number."""
     found: dict[str, tuple[float, Timecode]] = {}
     for camera in rig:
         found[camera.name] = _first_stamp_s(camera), read_timecode(camera.source or camera.name)
@@ -92,7 +92,7 @@ def _by_timecode(rig: CameraRig, progress: Progress) -> Synchronization:
 
     def lag(a: tuple[float, Timecode], b: tuple[float, Timecode]) -> Lag:
         apart_s = (b[1].seconds - a[1].seconds + 0.5 * DAY_S) % DAY_S - 0.5 * DAY_S  # also over midnight
-        return Lag(b[0] - a[0] - apart_s, (a[1].rate_hz**-2 + b[1].rate_hz**-2) / 12.0, 1.0, 0.0)
+        return Lag(b[0] - a[0] - apart_s, a[1].sigma_s**2 + b[1].sigma_s**2, 1.0, 0.0)
 
     pairs, runners_up = pairs_that_agree(list(found.values()), lag)
     first_s = {name: first for name, (first, _) in found.items()}
@@ -119,16 +119,47 @@ def _by_sound(
     heard, first_s = [], {}
     for camera, way_m in zip(rig, ways, strict=True):
         first_s[camera.name] = _first_stamp_s(camera)
-        track = read_sound(camera.source or camera.name, seconds)
         pace = 1.0 + 1e-6 * camera.time_drift_ppm  # of common time to the camera's own, as its images are stamped
-        begins_s = first_s[camera.name] + pace * track.after_images_s
         way = way_m / SPEED_OF_SOUND, known_m / SPEED_OF_SOUND
-        heard.append(Heard(camera.name, track.rate_hz / pace, begins_s, track.samples, *way))
-        progress(camera.name, f"{len(track.samples) / track.rate_hz:.1f} s of sound")
-    pairs, runners_up = sound_lags(heard, options.max_offset_s)
-    middle_s = float(np.median([0.5 * (one.first_s + one.last_s) for one in heard]))
-    clocks = clocks_of_pairs(pairs, rig.names, runners_up, middle_s, what=SOUND)
+        heard.append(_heard(camera.name, camera.source or camera.name, seconds, first_s[camera.name], pace, way))
+        progress(camera.name, f"{len(heard[-1].samples) * pace / heard[-1].rate_hz:.1f} s of sound")
+    clocks = _clocks_by_sound(heard, options.max_offset_s)
     return Synchronization(clocks, first_s, {one.camera: _loudness(one) for one in heard}, "loudness")
+
+
+def _heard(
+    name: str, source: str, seconds: float, first_s: float = 0.0, pace: float = 1.0, way: tuple[float, float] | None = None
+) -> Heard:
+    track = read_sound(source, seconds)
+    way = way or (0.0, _ANYWHERE_M / SPEED_OF_SOUND)
+    return Heard(name, track.rate_hz / pace, first_s + pace * track.after_images_s, track.samples, *way)
+
+
+def _clocks_by_sound(heard: Sequence[Heard], max_offset_s: float) -> Clocks:
+    pairs, runners_up = sound_lags(heard, max_offset_s)
+    middle_s = float(np.median([0.5 * (one.first_s + one.last_s) for one in heard]))
+    return clocks_of_pairs(pairs, [one.camera for one in heard], runners_up, middle_s, what=SOUND)
+
+
+def clocks_of_videos(videos: Mapping[str, str], max_offset_s: float, seconds: float = 60.0) -> Clocks:
+    """Clocks of cameras of which nothing is known, by the sound tracks of their videos, whose first images are at 0.
+
+    Parameters
+    ----------
+    videos : camera -> its video, of two cameras at least.
+    max_offset_s : largest offset.
+    seconds : how much of each is read.
+
+    Returns
+    -------
+    Clocks, to some milliseconds: sound takes 3 ms a meter.
+
+    Raises
+    ------
+    CalibrationError : a camera that hears nothing that others do.
+    FileFormatError : a video without sound.
+    """
+    return _clocks_by_sound([_heard(name, video, seconds) for name, video in videos.items()], max_offset_s)
 
 
 def _ways(rig: CameraRig, place: Sequence[float] | None) -> tuple[np.ndarray, float]:

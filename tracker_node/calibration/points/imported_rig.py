@@ -12,7 +12,8 @@ from ...errors import FileFormatError
 from ...loaders.rig.calibration_toml import load_pose2sim
 from ...loaders.rig.camera_info import load_camera_info
 from ...loaders.rig.dlt_text import load_dlt
-from ...loaders.rig.formats import CAMERA_INFO, DLT, OPENCV, QUALISYS, RIG, TOML
+from ...loaders.rig.formats import CAMERA_INFO, DLT, OPENCAP, OPENCV, QUALISYS, RIG, TOML
+from ...loaders.rig.opencap_pickle import load_opencap
 from ...loaders.rig.opencv_storage import load_opencv
 from ...loaders.rig.qualisys_xml import load_qualisys
 from ...loaders.rig.rig_yaml import load_rig
@@ -48,7 +49,7 @@ def import_rig(
     ------
     FileFormatError : files that cannot be used, a size that is missing, or a unit where places are in meters already.
     """
-    if unit is not None and kind in (CAMERA_INFO, QUALISYS):
+    if unit is not None and kind in (CAMERA_INFO, OPENCAP, QUALISYS):
         raise FileFormatError("command line", "--unit", f"none with {kind} files, whose rig is in meters already", unit)
     return _in_meters(_load(kind, files, size, like), UNITS[unit or "m"], tell)
 
@@ -58,6 +59,8 @@ def _load(kind: str, files: Sequence[str], size: tuple[int, int] | None, like: s
         return _rig_of_lenses(files, like)
     if kind == OPENCV:
         return load_opencv(files, size)
+    if kind == OPENCAP:
+        return load_opencap(files)
     if len(files) > 1:
         raise FileFormatError(files[1], "(file)", f"one file with all cameras ({kind})", f"{len(files)} files")
     if kind == DLT:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -94,13 +95,16 @@ def board_of(args: argparse.Namespace) -> Board:
     return board
 
 
-def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str, ImageSource]:
+def sources_of(
+    args: argparse.Namespace, stamps: str | None = None, late_s: Mapping[str, float] | None = None
+) -> dict[str, ImageSource]:
     """Opened recordings by camera name.
 
     Parameters
     ----------
     args : of the command line.
     stamps : file with times for all cameras, see `loaders.images.stamps`.
+    late_s : camera -> by how much its images are later than they say.
 
     Returns
     -------
@@ -114,13 +118,23 @@ def sources_of(args: argparse.Namespace, stamps: str | None = None) -> dict[str,
 
     if args.images < 10:
         raise FileFormatError("command line", "--images", "at least 10", args.images)
+    return open_recordings(recordings_of(args), stamps, late_s)
+
+
+def recordings_of(args: argparse.Namespace) -> dict[str, str]:
+    """Paths of the recordings by camera name.
+
+    Raises
+    ------
+    TrackerError : two cameras of one name.
+    """
     paths: dict[str, str] = {}
     for text in args.videos:
         name, path = _name_and_path(text)
         if name in paths:
             raise TrackerError(f"two recordings for camera '{name}'; name them: --videos left={path} right=...")
         paths[name] = path
-    return open_recordings(paths, stamps)
+    return paths
 
 
 def detect(

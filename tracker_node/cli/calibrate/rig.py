@@ -7,12 +7,15 @@ from pathlib import Path
 
 from ...errors import FileFormatError
 from ...loaders.source_address import sources_by_name
-from ..arguments.board import add_board_arguments, board_of, detect, sources_of
+from ..arguments.board import add_board_arguments, board_of, detect, recordings_of, sources_of
 from ..arguments.cameras import add_sources_argument
 from ..arguments.run_images import refuse_to_overwrite
 
 SUMMARY = "make a rig from videos or image folders in which several cameras see a chessboard or a ChArUco board"
 EXAMPLE = "tracker_node calibrate rig --videos calib/cam01.mp4 calib/cam02.mp4 --charuco 7x5 --square 0.08 -o rig.yaml"
+
+LONGEST_APART_S = 30.0  # of phones that are started one by one
+RUNNER_UP = 0.8
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,9 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--lenses", metavar="RIG", help="rig.yaml with lenses, such as that of `calibrate intrinsics`")
     add("--keep-lenses", action="store_true", help="with --lenses: do not refine them")
     add("--stamps", metavar="CSV", help="times of the images of all cameras (columns camera and time, such as timestamps.csv)")
-    add("--clocks", choices=("auto", "exact", "offset", "free"), default="auto",
-        help="exact: stamps are right; offset: each camera's clock may be off; free: each stamp, too;"
-        " auto: exact for folders of images, else free (default: %(default)s)")  # fmt: skip
+    add("--clocks", choices=("auto", "exact", "offset", "free", "sound"), default="auto",
+        help="exact: stamps are right; offset: each camera's clock may be off; free: each stamp, too; sound: as free, for videos"
+        " begun one by one, with claps; auto: exact for folders of images, else free (default: %(default)s)")  # fmt: skip
     add("--stamp-sigma-ms", type=float, default=20.0, metavar="MS",
         help="how far off single stamps are usually, with clocks that are free (default: %(default)s)")  # fmt: skip
     add("--tolerance-ms", type=float, metavar="MS", help="images so near in time belong together (default: half a period)")
@@ -54,8 +57,10 @@ def run(args: argparse.Namespace) -> int:
     page = Path(args.report or Path(args.output).with_suffix(".html"))
     metrics_file = page.with_suffix(".json")
     refuse_to_overwrite(args, args.output, page, metrics_file)
-    board, sources = board_of(args), sources_of(args, args.stamps)
+    board = board_of(args)
     check_for_rig(board)
+    begun_s = _by_sound(args) if args.clocks == "sound" else {}
+    sources = sources_of(args, args.stamps, begun_s)
     tracked_later = sources_by_name(args.sources, sources)
     options = _options(args)
     lenses = given_lenses(load_rig(args.lenses), sources) if args.lenses else None
@@ -63,7 +68,8 @@ def run(args: argparse.Namespace) -> int:
     lenses = None if lenses is None else {name: lens for name, lens in lenses.items() if name in seen}
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
     late_s = late_cameras(found)
-    rig = with_sources(found.rig, tracked_later, late_s if args.write_clocks else {})
+    whole_s = {name: begun_s.get(name, 0.0) + late_s.get(name, 0.0) for name in found.rig.names}
+    rig = with_sources(found.rig, tracked_later, whole_s if args.write_clocks else {})
     write_rig_file(rig_file_of(rig), args.output, base_dir=".")
     for name, seconds in late_s.items():
         print(f"{name}: its images are {1e3 * seconds:.1f} ms later than they say, beside {found.rig.names[0]}")
@@ -87,6 +93,19 @@ def run(args: argparse.Namespace) -> int:
     return 1 if left_out else 0
 
 
+def _by_sound(args: argparse.Namespace) -> dict[str, float]:
+    """By how much the images of each camera are later than they say, by the claps in their videos."""
+    from ...calibration.clocks.synchronization import clocks_of_videos
+
+    if args.stamps:
+        raise FileFormatError("command line", "--clocks", "no sound beside --stamps, which say when images were taken", "sound")
+    clocks = clocks_of_videos(recordings_of(args), LONGEST_APART_S)
+    for name, clock in clocks.cameras.items():
+        said = f"{name}: begun {clock.offset_s:+.3f} +- {clock.offset_sigma_s:.3f} s beside the others, by its sound"
+        print(said + ("; another lag fits about as well" if clock.runner_up > RUNNER_UP else ""))
+    return {name: clock.offset_s for name, clock in clocks.cameras.items()}
+
+
 def _options(args: argparse.Namespace):
     from ...calibration.board.refinement import BoardRigOptions
 
@@ -97,7 +116,7 @@ def _options(args: argparse.Namespace):
         raise FileFormatError("command line", "--sets", "at least 3", args.sets)
     if args.keep_lenses and not args.lenses:
         raise FileFormatError("command line", "--keep-lenses", "lenses to keep, with --lenses", "none")
-    clocks = args.clocks
+    clocks = "free" if args.clocks == "sound" else args.clocks
     if clocks == "auto":
         still = not args.stamps and any(Path(text.partition("=")[2] or text).is_dir() for text in args.videos)
         clocks = "exact" if still else "free"

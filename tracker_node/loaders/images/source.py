@@ -155,13 +155,16 @@ def open_source(path: str | Path, options: SourceOptions | None = None, **change
     return VideoSource(text, options)
 
 
-def open_recordings(paths: Mapping[str, str], stamp_file: str | Path | None = None) -> dict[str, ImageSource]:
+def open_recordings(
+    paths: Mapping[str, str], stamp_file: str | Path | None = None, late_s: Mapping[str, float] | None = None
+) -> dict[str, ImageSource]:
     """Open a recording of each camera.
 
     Parameters
     ----------
     paths : camera -> its recording.
     stamp_file : with the times of all cameras, see `stamps.load_stamp_file`; None: the recordings' own.
+    late_s : camera -> by how much its images are later than they say; of others 0.
 
     Returns
     -------
@@ -174,7 +177,7 @@ def open_recordings(paths: Mapping[str, str], stamp_file: str | Path | None = No
     sources = {}
     for name, path in paths.items():
         times = load_stamp_file(stamp_file, name) if stamp_file else None
-        source = sources[name] = open_source(path, times_ns=times)
+        source = sources[name] = open_source(path, times_ns=times, base_stamp_ns=round(1e9 * (late_s or {}).get(name, 0.0)))
         if times is not None and len(times) != source.n_images:
             problem = f"has {len(times)} times for camera '{name}', but {path} has {source.n_images} images"
             raise SourceError(str(stamp_file), problem)

@@ -1,9 +1,9 @@
-"""Camera calibrations in the TOML that Pose2Sim, aniposelib and Caliscope share.
+"""Camera calibrations in the TOML that Pose2Sim, aniposelib, FreeMoCap and Caliscope share.
 
 One table per camera: ``size`` [width, height], ``matrix`` (3 x 3), ``distortions`` (4 or 5 coefficients; 4 of the
 equidistant model with ``fisheye = true``), ``rotation`` (Rodrigues vector, radians) and ``translation`` (meters), both from
-the world to the camera. Cameras that Caliscope marks as ``ignore`` are left out. The three programs differ in the names of the
-tables, in how a rotation is written and in what else has to be there.
+the world to the camera. Cameras that Caliscope marks as ``ignore`` are left out. The programs differ in the names of the
+tables, in how a rotation is written and in what else has to be there; FreeMoCap 2 once wrote ``image_size``.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _flat(tables: Mapping) -> dict[str, dict]:
 
 def _camera(path: Path, key: str, table: dict) -> Camera:
     name = identifier(str(table.get("name", key)))
-    size = array_of(path, f"{key}.size", table.get("size"), (2,))
+    size = array_of(path, f"{key}.size", table.get("size", table.get("image_size")), (2,))
     if not np.all((size >= 1) & (size <= 100_000) & (size == np.round(size))):
         raise FileFormatError(path, f"{key}.size", "width and height in whole pixels", table.get("size"))
     K = array_of(path, f"{key}.matrix", table["matrix"], (3, 3))

@@ -13,22 +13,25 @@ from .dlt_text import N_COEFFICIENTS
 from .rig_yaml import CameraEntry, RigFile
 
 TOML, CAMERA_INFO, OPENCV, QUALISYS, DLT, RIG = "toml", "camera_info", "opencv", "qualisys", "dlt", "rig"
+OPENCAP = "opencap"
 _CALIBRATION = ("image_size", "K", "distortion_model", "distortion", "T_world_cam", "pixel_map", "file_image_size")
 _CAMERA_INFO_KEY = re.compile(r"""^["']?camera_matrix["']?[ \t]*:""", re.MULTILINE)  # of YAML, at its top
 _RIG_KEY = re.compile(r"""^["']?cameras["']?[ \t]*:""", re.MULTILINE)
 _KNOWN = (
-    "a calibration: Pose2Sim, aniposelib or Caliscope TOML, ROS camera_info YAML, OpenCV YAML, XML or JSON, Qualisys XML, or"
-    " eleven lines of DLT coefficients"
+    "a calibration: Pose2Sim, aniposelib, FreeMoCap or Caliscope TOML, ROS camera_info YAML, OpenCV YAML, XML or JSON, Qualisys"
+    " XML, OpenCap pickles, or eleven lines of DLT coefficients"
 )
 
 
 def detect(path: str | Path) -> str:
-    """The format of a calibration file, by its content, whatever its extension.
+    """The format of a calibration file, by its content, whatever its extension; a pickle by its name alone.
 
     Raises
     ------
     FileFormatError : a file that cannot be read, or is none of these.
     """
+    if Path(path).suffix == ".pickle":
+        return OPENCAP
     text = read_text(path)
     start = text.lstrip("\ufeff \t\r\n")
     if start.startswith("<"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..errors import TrackerError
+from ...errors import TrackerError
 
 SUMMARY = "print a body as URDF, for robot_state_publisher and other programs that show robots"
 EXAMPLE = "tracker_node urdf person.yaml\n  tracker_node urdf gait_human --mass 72"
@@ -18,9 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.model.model_yaml import load_model
-    from ..loaders.model.urdf_writer import urdf_of
-    from ..model.humans.masses import inertials
+    from ...loaders.model.model_yaml import load_model
+    from ...loaders.model.urdf_writer import urdf_of
+    from ...model.humans.masses import inertials
 
     if args.mass is not None and not 1.0 <= args.mass <= 500.0:
         raise TrackerError(f"--mass: expected 1 to 500 kilograms, got {args.mass:g}")

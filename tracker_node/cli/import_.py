@@ -1,0 +1,103 @@
+"""``tracker_node import``: projects of other programs, ready to be tracked."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .arguments.run_images import check, refuse_to_overwrite
+
+if TYPE_CHECKING:
+    from ..loaders.projects.trial import ProjectTrial
+
+SUMMARY = "make a project of Pose2Sim, Anipose, FreeMoCap, Caliscope or OpenCap ready to be tracked: rig, body and recording.yaml"
+EXAMPLE = (
+    "tracker_node import OpenCapData_1234 --trial squats -o squats\n"
+    "  tracker_node import freemocap_data/recording_sessions/session1 --stature 1.78 -o session1"
+)
+UNITS = ("m", "cm", "mm")  # of `calibration.points.imported_rig`
+TRACKER, PERSON, RECORDING, TRIALS = "tracker.yaml", "person.yaml", "recording.yaml", "trials.yaml"
+_FREE_TOLERANCE = 0.7  # of cameras with stamps of their own, which do not expose together
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("folder", metavar="FOLDER", help="the project's folder, that of a session, or that of a trial")
+    add("--trial", nargs="+", metavar="NAME", help="only these trials (default: all; each of several gets a folder)")
+    add("--calibration", type=Path, metavar="FILE", help="calibration in place of the project's")
+    add("--unit", choices=UNITS, help="of places in a TOML calibration (default: mm of Anipose and FreeMoCap, m of the others)")
+    add("--stature", type=float, metavar="M", help="height of the person, meters (default: the project's, or 1.75)")
+    add("-o", "--output", default="imported", metavar="DIR", help="folder to write (default: %(default)s)")
+    add("--force", action="store_true", help="overwrite what is there")
+
+
+def run(args: argparse.Namespace) -> int:
+    from ..loaders.projects.programs import find_trials
+    from ..loaders.yaml_file import write_mapping
+
+    check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
+    trials = _chosen(find_trials(args.folder), args.trial)
+    output = Path(args.output)
+    folders = {name: output / name if len(trials) > 1 else output for name in trials}
+    together = output / (TRIALS if len(trials) > 1 else RECORDING)
+    refuse_to_overwrite(args, together, *(folder / "rig.yaml" for folder in folders.values()), output / PERSON)
+    print(f"{len(trials)} trial{'s' * (len(trials) > 1)} of {next(iter(trials.values())).program}")
+    for name, trial in trials.items():
+        _write_trial(trial, name, folders[name], output, args)
+    statures = {args.stature or trial.stature_m for trial in trials.values()}
+    if len(statures) > 1:
+        print("note: the trials are of people of several statures, and get one body; import each person with --trial")
+    stature = _write_person(args.stature or next(iter(trials.values())).stature_m, output / PERSON)
+    if len(trials) > 1:
+        entries = {name: {"recording": f"{name}/{RECORDING}"} for name in trials}
+        write_mapping({"output": "out", "trials": entries}, together, "Trials for `tracker_node batch`; see docs/batch.md.")
+    first = next(iter(folders.values()))
+    print(f"wrote {together}; a person of {stature:.2f} m in {output / PERSON}. To measure the person, and to track:")
+    print(f"  tracker_node calibrate body --from-points {first / 'rig.yaml'} -o {output / PERSON} --force")
+    print(f"  tracker_node {'batch' if len(trials) > 1 else 'track'} {together}")
+    return 0
+
+
+def _chosen(found: list[ProjectTrial], wanted: list[str] | None) -> dict[str, ProjectTrial]:
+    """Trials by the names that their folders get."""
+    from ..errors import UnknownNameError
+
+    trials = {re.sub(r"[^A-Za-z0-9_.+-]", "_", trial.name).lstrip("_.+-") or "trial": trial for trial in found}
+    for name in wanted or ():
+        if name not in trials:
+            raise UnknownNameError("trial", name, trials)
+    return {name: trial for name, trial in trials.items() if wanted is None or name in wanted}
+
+
+def _write_trial(trial: ProjectTrial, name: str, folder: Path, output: Path, args: argparse.Namespace) -> None:
+    from os.path import relpath
+
+    from ..calibration.project import rig_of_trial
+    from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
+    from ..loaders.yaml_file import write_mapping
+
+    found = rig_of_trial(trial, args.calibration, args.unit, lambda sentence: print(f"{name}: {sentence}"))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_rig_file(rig_file_of(found.rig), folder / "rig.yaml", base_dir=".")
+    synchronizer = {"image_period_s": round(found.period_s, 9)} | ({"tolerance": _FREE_TOLERANCE} if trial.stamp_file else {})
+    parameters = {"modalities": ["region", "keypoints"], "synchronizer": synchronizer}
+    write_mapping({"/**": {"ros__parameters": parameters}}, folder / TRACKER, "Contours and points of people together.")
+    recording = {"rig": "rig.yaml", "model": relpath(output / PERSON, folder), "config": TRACKER, "output": "run"}
+    write_mapping(recording, folder / RECORDING, f"From {trial.program}; the format is described in docs/formats.md.")
+    cameras = ", ".join(f"{camera.name} ({Path(str(camera.source)).name})" for camera in found.rig)
+    print(f"{name}: {cameras}, {1.0 / found.period_s:.5g} Hz")
+
+
+def _write_person(stature_m: float | None, path: Path) -> float:
+    from ..calibration.body import model_stature
+    from ..loaders.model.model_yaml import dump_model
+    from ..model.humans.human import human_model
+    from ..model.scaling import scaled_uniformly
+
+    model = human_model(ankles=True)
+    own = model_stature(model)
+    stature = stature_m or own
+    dump_model(scaled_uniformly(model, stature / own), path, f"{model.name}, for a stature of {stature:.2f} m. Units: meters.")
+    return stature
