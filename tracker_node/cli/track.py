@@ -35,7 +35,7 @@ BUILT_IN = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", type=Path, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read")
-    parser.add_argument("--model", type=Path, metavar="FILE", help="model.yaml, URDF or name (gait_human): the body to track")
+    parser.add_argument("--model", type=Path, metavar="FILE", help="the body: model.yaml, URDF or name (gait_human)")
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="tracker parameters, the same file as for the node (default: built in)"
     )

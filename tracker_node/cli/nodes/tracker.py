@@ -37,7 +37,7 @@ def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -
     """
     parser.add_argument("--rig", required=required, metavar="FILE", help="rig.yaml: places and lenses of the cameras")
     one = parser.add_mutually_exclusive_group(required=required)
-    one.add_argument("--model", metavar="FILE", help="model.yaml, URDF or name (gait_human): the body to track")
+    one.add_argument("--model", metavar="FILE", help="the body: model.yaml, URDF or name (gait_human)")
     if required:
         one.add_argument("--bodies", metavar="RECORDING", help="recording.yaml whose bodies and joining people are tracked")
     parser.add_argument(
