@@ -248,8 +248,8 @@ def _thinned(line: Line) -> Line:
     return line if step <= 1 else replace(line, x=line.x[::step], y=line.y[::step], spread=spread)
 
 
-FILTER_PX, FILTER_LINE_PX = 24, 12  # for what stands below an axis on how its signals were filtered
-_FILTER_LETTERS = 68  # of a line, that a telephone shows
+FILTER_PX, FILTER_LINE_PX = 28, 12  # for what stands below an axis on how its signals were filtered
+_FILTER_LETTERS = 76  # of a line, that a telephone shows
 
 
 def _filter_lines(text: str) -> list[str]:
@@ -258,7 +258,7 @@ def _filter_lines(text: str) -> list[str]:
 
 def _filter_label(lines: list[str]) -> dict[str, Any]:
     return {
-        "xref": "paper", "yref": "paper", "x": 0, "y": 0, "xshift": -54, "yshift": -52, "xanchor": "left", "yanchor": "top",
+        "xref": "paper", "yref": "paper", "x": 0, "y": 0, "xshift": -54, "yshift": -56, "xanchor": "left", "yanchor": "top",
         "text": "<br>".join(lines), "align": "left", "showarrow": False, "font": {"size": 10, "color": GRAY},
     }  # fmt: skip
 

@@ -54,8 +54,8 @@ function drawCurve(curve) {
     }
   });
   if (curve.filter.length) {
-    layout.margin.b += 12 + 12 * curve.filter.length;
-    layout.annotations = [{ xref: "paper", yref: "paper", x: 0, y: 0, xshift: -54, yshift: -52, text: curve.filter.join("<br>"),
+    layout.margin.b += 16 + 12 * curve.filter.length;
+    layout.annotations = [{ xref: "paper", yref: "paper", x: 0, y: 0, xshift: -54, yshift: -56, text: curve.filter.join("<br>"),
       showarrow: false, align: "left", xanchor: "left", yanchor: "top", font: { size: 10, color: "#777777" } }];
   }
   const name = `${curve.group} ${curve.name}`.replaceAll(" ", "_");
