@@ -33,6 +33,7 @@ class Flashes:
     times_s : (n,) stamps of the images in which light came on.
     period_s : of its images.
     stamps_s, levels : (m,) of all images, and how bright they are.
+    kinds : (n,) only those of one kind are the same in two cameras; None: all are.
     """
 
     camera: str
@@ -40,6 +41,7 @@ class Flashes:
     period_s: float
     stamps_s: np.ndarray
     levels: np.ndarray
+    kinds: np.ndarray | None = None
 
 
 def seen_flashes(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Flashes:
@@ -109,6 +111,8 @@ def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> Lag | None:
     """Lag of ``b`` behind ``a``; the correlation is the share of the flashes that allow it."""
     reach = 0.5 * (a.period_s + b.period_s)
     differences = b.times_s[None, :] - a.times_s[:, None]
+    if a.kinds is not None and b.kinds is not None:
+        differences = np.where(a.kinds[:, None] == b.kinds[None, :], differences, np.inf)
     near = np.sort(differences[np.abs(differences) <= max_offset_s])
     if not len(near):
         return None
