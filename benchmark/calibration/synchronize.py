@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""How well `tracker_node synchronize` brings cameras to one time, by sound, by flashes and by motion.
+"""How well `tracker_node synchronize` brings cameras to one time, by sound, by flashes, by a light and by motion.
 
 Recordings are drawn by seed. Four cameras on a circle about a room, with rates of 25, 29.97, 30 and 59.94 Hz, are started up to
 0.8 s apart. Sound: five claps at a known place, with a room's echoes (0.4 s), noise at a thirtieth of their strength, gains from
 0.3 to 3, AAC in MP4; ``sync.sound_ms``, and ``sync.sound_somewhere_ms`` where the place is not said: half a meter at most from
 where the cameras look. Flashes: 20 of 5 ms at uneven times in a minute, before somebody who moves and lamps that hum; one
-that falls between two exposures is not seen. Motion: the mannequin of `calibration.py`, one of four cameras running freely.
+that falls between two exposures is not seen. Blinking: a small light that is on and off for 0.3 to 0.9 s at a time, before the
+same. Motion: the mannequin of `calibration.py`, one of four cameras running freely.
 Errors are of each camera against the mean of the others: root of the mean square, and the largest.
 """
 
@@ -38,6 +39,7 @@ SOUND_HZ, SPEED_OF_SOUND = 48_000, 343.0
 LATEST_S, DISTANCES_M, HEIGHTS_M = 0.8, (2.5, 4.5), (1.0, 2.2)
 N_CLAPS, CLIP_S, ECHO_S = 5, 12.0, 0.4
 N_FLASHES, FLASH_S, FLASHED_S, EXPOSED = 20, 0.005, 60.0, 0.9
+BLINKING_S = 30.0
 SIZE = (64, 36)
 SEEDS = {"quick": 2, "full": 8}
 
@@ -111,6 +113,33 @@ def write_flashes(room: Room, folder: Path, seed: int) -> None:
         write_video(folder / camera.source, images, rate_hz)
 
 
+def write_blinking(room: Room, folder: Path, seed: int, seconds: float = BLINKING_S) -> None:
+    """Videos of a room with somebody who moves, and a small light that blinks."""
+    rng = np.random.default_rng([seed, 15])
+    edges_s = np.cumsum(rng.uniform(0.3, 0.9, round(seconds / 0.3)))
+    for camera, late_s, rate_hz in zip(room.rig, room.late_s, RATES_HZ, strict=True):
+        middles = np.arange(round(seconds * rate_hz)) / rate_hz + late_s
+        half, lit_s = 0.5 * EXPOSED / rate_hz, _lit_until(edges_s)
+        on = (lit_s(middles + half) - lit_s(middles - half)) / (2.0 * half)
+        still, at = rng.uniform(40.0, 120.0, (SIZE[1], SIZE[0], 3)), (rng.integers(2, 8), rng.integers(50, 60))
+        shown = enumerate(zip(middles, on, strict=True))
+        images = (_with_light(still, t, part, at, np.random.default_rng([seed, i])) for i, (t, part) in shown)
+        write_video(folder / camera.source, images, rate_hz)
+
+
+def _lit_until(edges_s: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """How long the light has been on until a time; it is off at first."""
+    on, off = edges_s[0::2], edges_s[1::2]
+    on = on[: len(off)]
+    return lambda t: np.clip(t[:, None] - on, 0.0, off - on).sum(axis=1)
+
+
+def _with_light(still: np.ndarray, t: float, part: float, at: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
+    image = _lit(still, t, 0.0, rng).astype(float)
+    image[at] += part * 90.0
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
 def _lit(still: np.ndarray, t: float, flash: float, rng: np.random.Generator) -> np.ndarray:
     image = still * (1.0 + 0.01 * np.sin(2.0 * np.pi * 7.3 * t)) + 60.0 * flash
     u, v = int(32 + 20 * np.sin(0.9 * t)), int(16 + 6 * np.sin(1.7 * t))
@@ -174,6 +203,12 @@ def by_flash(seed: int, folder: Path) -> dict[str, np.ndarray]:
     return {"flash": errors_ms(room, folder, "--by", "flash")}
 
 
+def by_blinking(seed: int, folder: Path) -> dict[str, np.ndarray]:
+    room = make_room(seed)
+    write_blinking(room, folder, seed)
+    return {"blinking": errors_ms(room, folder, "--by", "blinking")}
+
+
 def by_motion(folder: Path) -> float:
     """Of the free camera of `calibration.py` against the mean of the others, milliseconds."""
     true_s = record_free_running(folder)
@@ -187,7 +222,7 @@ def by_motion(folder: Path) -> float:
 def measure(seeds: int, motion: bool = True) -> dict[str, float | int]:
     """All figures."""
     errors: dict[str, list[np.ndarray]] = {}
-    ways: tuple[Callable[[int, Path], dict[str, np.ndarray]], ...] = (by_sound, by_flash)
+    ways: tuple[Callable[[int, Path], dict[str, np.ndarray]], ...] = (by_sound, by_flash, by_blinking)
     for seed in range(seeds):
         for way in ways:
             with tempfile.TemporaryDirectory(prefix="synchronize-") as scratch:

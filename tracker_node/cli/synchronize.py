@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .arguments.run_images import check, refuse_to_overwrite
 
-SUMMARY = "find by how much the clocks of cameras differ: by what moves, by a clap, by flashes, by timecode; nobody is tracked"
+SUMMARY = "find by how much the clocks of cameras differ: by what moves, by a clap, flashes, a light, timecode; nobody is tracked"
 EXAMPLE = (
     "tracker_node synchronize --rig rig.yaml -o rig_timed.yaml\n"
     "  tracker_node synchronize --rig rig.yaml --by sound --at 0.5 1.0 1.2 -o rig_timed.yaml"
@@ -21,8 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--rig", required=True, metavar="RIG", help="rig.yaml with the sources; offsets that it has are started from")
     add("-o", "--output", default="rig_timed.yaml", metavar="FILE", help="rig to write (default: %(default)s)")
     add(
-        "--by", choices=("motion", "sound", "flash", "timecode"), default="motion",
-        help="what moves (default), the sound tracks of the videos, flashes and lamps that are switched on, or timecode",
+        "--by", choices=("motion", "sound", "flash", "blinking", "timecode"), default="motion",
+        help="what moves (default), the sound tracks of the videos, flashes and lamps that are switched on, a light that blinks,"
+        " best at uneven times, or timecode",
     )  # fmt: skip
     add(
         "--at", nargs=3, type=float, metavar=("X", "Y", "Z"),

@@ -19,6 +19,7 @@ from .motion import Lag, Pair, check_images, pairs_that_agree
 _GRID = (32, 18)  # blocks of an image
 _NOISE, _LEAST_LEVELS = 6.0, 4.0  # by how many times its usual change, and gray levels, a flash is brighter than before
 _LEAST_SHARE = 0.6  # of the flashes that two cameras have in common
+_HALF_LIT = 0.06  # of an image period: exposures and codecs show half of a change sooner or later, all of them alike
 _NEAR_PERIODS, _LEAST_SIGMA_S = 2.0, 1e-5
 _GRID_OF_LAGS, _MISSED = 600, 0.01  # places of the posterior; probability that a flash is not seen, or another one is
 
@@ -33,6 +34,7 @@ class Flashes:
     times_s : (n,) stamps of the images in which light came on.
     period_s : of its images.
     stamps_s, levels : (m,) of all images, and how bright they are.
+    kinds : (n,) only those of one kind are the same in two cameras; None: all are.
     """
 
     camera: str
@@ -40,6 +42,7 @@ class Flashes:
     period_s: float
     stamps_s: np.ndarray
     levels: np.ndarray
+    kinds: np.ndarray | None = None
 
 
 def seen_flashes(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Flashes:
@@ -109,6 +112,8 @@ def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> Lag | None:
     """Lag of ``b`` behind ``a``; the correlation is the share of the flashes that allow it."""
     reach = 0.5 * (a.period_s + b.period_s)
     differences = b.times_s[None, :] - a.times_s[:, None]
+    if a.kinds is not None and b.kinds is not None:
+        differences = np.where(a.kinds[:, None] == b.kinds[None, :], differences, np.inf)
     near = np.sort(differences[np.abs(differences) <= max_offset_s])
     if not len(near):
         return None
@@ -124,6 +129,8 @@ def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> Lag | None:
     rough = float(min((places[run].mean() for run in runs), key=abs))
     lags = rough + np.linspace(-1.5 * reach, 1.5 * reach, _GRID_OF_LAGS)
     lag_s, sigma_s = _posterior(differences, lags, a.period_s, b.period_s)
+    if a.kinds is not None:
+        sigma_s = float(np.hypot(sigma_s, _HALF_LIT * reach))
     elsewhere = counts[np.abs(places - lag_s) > _NEAR_PERIODS * reach].max(initial=0)
     return Lag(lag_s, max(sigma_s, _LEAST_SIGMA_S) ** 2, min(most / fewer, 1.0), float(elsewhere / most))
 

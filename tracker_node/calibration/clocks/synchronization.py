@@ -16,12 +16,13 @@ from ...loaders.images.timecode import DAY_S, Timecode, read_timecode
 from ...loaders.sound_file import read_sound
 from ...parallel import Workers
 from ...render.palette import CYCLE
-from .flashes import flash_lags, seen_flashes
+from .blinking import seen_blinking
+from .flashes import Flashes, flash_lags, seen_flashes
 from .motion import MOST_AT_ONCE, Lag, beginning, measured_motions, pairs_that_agree
 from .offsets import ClockOptions, Clocks, clocks_of_pairs, estimate_clocks
 from .sound import SPEED_OF_SOUND, Heard, sound_lags
 
-MOTION, SOUND, FLASH, TIMECODE = WAYS = ("motion", "sound", "flash", "timecode")
+MOTION, SOUND, FLASH, BLINKING, TIMECODE = WAYS = ("motion", "sound", "flash", "blinking", "timecode")
 _KNOWN_M, _SOMEWHERE_M, _ANYWHERE_M = 0.1, 1.0, 3.0  # how well the place of a sound is known
 _SHOWN_S = 1.0  # on either side of the strongest event
 _SHOWN_TIMECODE_S = 10.0
@@ -80,7 +81,9 @@ def synchronized(
         return Synchronization(estimate_clocks(motions, options), {m.camera: m.first_s for m in motions}, altogether, "motion")
     if way == TIMECODE:
         return _by_timecode(rig, progress)
-    return _by_sound(rig, options, seconds, place, progress) if way == SOUND else _by_flash(rig, options, seconds, progress)
+    if way == SOUND:
+        return _by_sound(rig, options, seconds, place, progress)
+    return _by_light(rig, options, seconds, progress, seen_blinking if way == BLINKING else seen_flashes)
 
 
 def _by_timecode(rig: CameraRig, progress: Progress) -> Synchronization:
@@ -178,11 +181,14 @@ def _loudness(heard: Heard) -> Signal:
     return heard.first_s + (np.arange(n) + 0.5) * step / heard.rate_hz, loud
 
 
-def _by_flash(rig: CameraRig, options: ClockOptions, seconds: float, progress: Progress) -> Synchronization:
+def _by_light(
+    rig: CameraRig, options: ClockOptions, seconds: float, progress: Progress, see: Callable[..., Flashes]
+) -> Synchronization:
     def seen(index: int):
         camera = rig.cameras[index]
-        found = seen_flashes(camera.name, beginning(open_camera_source(camera), seconds))
-        progress(camera.name, f"{len(found.times_s)} flashes in {len(found.stamps_s)} images")
+        found = see(camera.name, beginning(open_camera_source(camera), seconds))
+        changes = "flashes" if found.kinds is None else "changes of a light"
+        progress(camera.name, f"{len(found.times_s)} {changes} in {len(found.stamps_s)} images")
         return found
 
     flashes = Workers(min(MOST_AT_ONCE, len(rig))).map(seen, range(len(rig)))
