@@ -48,9 +48,9 @@ from tracker_node.parallel import short_switches
 from tracker_node.render.overlay import draw_overlay
 from tracker_node.render.raycast.raycaster import render_view
 from tracker_node.report.metrics_file import report_metrics
-from tracker_node.tracking.bodies import Bodies, shared_threads
 from tracker_node.tracking.config import KEYPOINTS, TrackerConfig
 from tracker_node.tracking.estimate import Status, TrackEstimate
+from tracker_node.tracking.together.bodies import Bodies, shared_threads
 from tracker_node.tracking.tracker import Tracker
 
 WOMAN_AT_M = np.array([0.24, -0.37, 0.7])

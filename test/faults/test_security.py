@@ -31,6 +31,7 @@ FORBIDDEN_CALLS = {
     "os.system", "os.popen", "yaml.unsafe_load", "yaml.full_load", "yaml.load_all", "yaml.unsafe_load_all", "np.fromregex",
     "shutil.unpack_archive", "pd.read_pickle", "tempfile.mktemp", "subprocess.getoutput", "subprocess.getstatusoutput",
 }  # fmt: skip
+READS_NUMBERS_ONLY = {"opencap_pickle.py": ["pickle"]}  # its unpickler makes nothing else (test_opencap_pickle)
 KEYWORDS = {"Loader", "allow_pickle", "filter", "shell"}
 SAFE_LOADERS = {"_StrictLoader", "yaml.BaseLoader", "yaml.SafeLoader", "yaml.CSafeLoader"}
 
@@ -74,7 +75,7 @@ def _dangers_of_call(node: ast.Call) -> list[str]:
 def test_no_source_calls_anything_dangerous(folder, repository):
     files = sorted((repository / folder).rglob("*.py"))
     found = {str(file): dangers(file.read_text(encoding="utf-8")) for file in files}
-    assert {file: calls for file, calls in found.items() if calls} == {}
+    assert {file: calls for file, calls in found.items() if calls and calls != READS_NUMBERS_ONLY.get(Path(file).name)} == {}
 
 
 @pytest.mark.parametrize(

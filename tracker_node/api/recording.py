@@ -21,7 +21,7 @@ from ..runs.offline import JoiningRun, OfflineRun, Recording
 from ..runs.people.detection import DetectionOptions
 from ..runs.people.recorded import PointFiles
 from ..tracking.config import TrackerConfig
-from ..tracking.joining import USUAL, JoiningOptions
+from ..tracking.together.joining import USUAL, JoiningOptions
 
 
 def open_recording(path: str | Path) -> Recording:

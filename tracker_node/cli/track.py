@@ -195,7 +195,7 @@ def _offline_run(args: argparse.Namespace, rig: CameraRig) -> OfflineRun:
 def _joining(args: argparse.Namespace, recording: RecordingFile | None, rig: CameraRig) -> JoiningRun | None:
     """People who may join."""
     from ..runs.offline import JoiningRun
-    from ..tracking.joining import USUAL, JoiningOptions
+    from ..tracking.together.joining import USUAL, JoiningOptions
 
     own = of_those_who_join(args, recording)
     if own is None or recording is None or recording.joining is None:

@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import TrackerError
 from ..model.configuration import State
 from ..observation.image_set import ImageSet
-from ..tracking.bodies import Bodies
 from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.together.bodies import Bodies
 
 
 class Steppable(Protocol):

@@ -24,10 +24,10 @@ from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
 from ..observation.joint_states import JointStates
 from ..parallel import short_switches
-from ..tracking.bodies import Bodies, shared_threads
 from ..tracking.config import KEYPOINTS, REGION, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
-from ..tracking.joining import Joining, JoiningOptions
+from ..tracking.together.bodies import Bodies, shared_threads
+from ..tracking.together.joining import Joining, JoiningOptions
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag

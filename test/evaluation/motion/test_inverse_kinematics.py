@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.bodies import known_motions as known
-from helpers.bodies.opensim_legs import write_legs
+from helpers.motion import known_motions as known
+from helpers.motion.opensim_legs import write_legs
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.motion.inverse_kinematics import inverse_kinematics, write_coordinates
 from tracker_node.loaders.motion.trc import load_table

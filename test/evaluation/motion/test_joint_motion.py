@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helpers.bodies import known_motions as known
 from helpers.bodies.stick_person import Motion
+from helpers.motion import known_motions as known
 from tracker_node.evaluation.motion.joint_motion import (
     NO_FILTER,
     SMOOTHED,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helpers.bodies import known_motions as known
+from helpers.motion import known_motions as known
 from tracker_node.evaluation.motion.jumps import GRAVITY, Jump, find_jumps, jump_metrics
 from tracker_node.evaluation.motion.mass_center import mass_center
 from tracker_node.synthesis.motions.deepmimic import load_motion

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_ind
 
-from helpers.bodies import known_motions as known
 from helpers.bodies.stick_person import write_run
+from helpers.motion import known_motions as known
 from helpers.studio.browser import browser_tab
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helpers.bodies import known_motions as known
-from helpers.bodies.opensim_legs import write_legs
 from helpers.bodies.stick_person import write_run, write_state_bag
+from helpers.motion import known_motions as known
+from helpers.motion.opensim_legs import write_legs
 from helpers.studio.browser import browser_tab
 from tracker_node.cli.main import main
 from tracker_node.errors import FileFormatError

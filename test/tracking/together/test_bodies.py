@@ -11,9 +11,9 @@ from helpers.cameras.camera_rigs import circle_rig
 from helpers.cameras.two_people import MODELS, N_SETS, SCENE, image_set, mean_error_m, states
 from tracker_node.model.configuration import Configuration
 from tracker_node.runs.loop import StartRequest, TrackingLoop
-from tracker_node.tracking.bodies import Bodies, shared_threads
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.together.bodies import Bodies, shared_threads
 from tracker_node.tracking.tracker import Tracker
 
 

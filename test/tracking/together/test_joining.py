@@ -12,10 +12,10 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.keypoints import BLAZEPOSE, expected_offsets
 from tracker_node.model.scaling import scaled_uniformly
 from tracker_node.runs.loop import TrackingLoop
-from tracker_node.tracking.bodies import Bodies
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.joining import NOBODY_YET, Joining, JoiningOptions
+from tracker_node.tracking.together.bodies import Bodies
+from tracker_node.tracking.together.joining import NOBODY_YET, Joining, JoiningOptions
 from tracker_node.tracking.tracker import Tracker
 
 RIG, PERIOD_NS = circle_rig(4), 33_333_333

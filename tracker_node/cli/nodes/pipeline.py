@@ -165,7 +165,7 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
     from ...loaders.model.state_yaml import load_state
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
-    from ...tracking.joining import USUAL
+    from ...tracking.together.joining import USUAL
 
     entry = None if recording is None else recording.joining
     if entry is not None:

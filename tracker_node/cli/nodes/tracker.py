@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...ros.tracker.image_inbox import InboxOptions
     from ...ros.tracker.node import TrackerNode
     from ...ros.tracker.options import BodyOptions, TrackerOptions
-    from ...tracking.joining import JoiningOptions
+    from ...tracking.together.joining import JoiningOptions
 
 SUMMARY = "track a body in the images of ROS cameras"
 EXAMPLE = "tracker_node tracker --rig rig.yaml --model person.yaml --initial-state start.yaml"
@@ -169,7 +169,7 @@ def _bodies(args: argparse.Namespace) -> tuple[dict[str, BodyOptions], JoiningOp
     from ...loaders.model.state_yaml import load_state
     from ...loaders.recording_yaml import load_recording
     from ...ros.tracker.options import BodyOptions
-    from ...tracking.joining import USUAL, JoiningOptions
+    from ...tracking.together.joining import USUAL, JoiningOptions
 
     for name in ("initial_state", "joint_states"):
         if getattr(args, name):

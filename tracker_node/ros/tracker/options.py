@@ -16,9 +16,9 @@ from ...model.configuration import State
 from ...model.humans.keypoints import KeypointTable
 from ...observation.keypoints.blazepose import NAMES
 from ...runs.loop import Steppable
-from ...tracking.bodies import Bodies, shared_threads
 from ...tracking.config import TrackerConfig
-from ...tracking.joining import Joining, JoiningOptions
+from ...tracking.together.bodies import Bodies, shared_threads
+from ...tracking.together.joining import Joining, JoiningOptions
 from ...tracking.tracker import Tracker
 from ...tracking.warm_up import SmallTrackers, warm_up
 from .image_inbox import InboxOptions

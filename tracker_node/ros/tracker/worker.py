@@ -17,9 +17,9 @@ from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
 from ...runs.loop import StartRequest, TrackingLoop
 from ...runs.set_formation import SetFormation
-from ...tracking.bodies import Bodies
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import Status, TrackEstimate, unknown_estimate
+from ...tracking.together.bodies import Bodies
 from ..joint_states import JointStateInbox
 from .command_thread import CommandThread
 from .image_inbox import ImageInbox, Received

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.rig import CameraRig
-from ..errors import TrackerError
-from ..model.articulated import ArticulatedModel
-from ..model.configuration import State
-from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
-from ..observation.image_set import ImageSet
-from .config import KEYPOINTS, REGION, TrackerConfig
-from .estimate import Status, TrackEstimate, unknown_estimate
-from .keypoints.body_from_points import body_from_points
-from .keypoints.late import LatePoints
-from .keypoints.people_groups import PersonGroup, grouped
-from .modality import PeopleSeen
-from .tracker import Tracker
+from ...camera.rig import CameraRig
+from ...errors import TrackerError
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State
+from ...model.humans.keypoints import BLAZEPOSE, KeypointTable
+from ...observation.image_set import ImageSet
+from ..config import KEYPOINTS, REGION, TrackerConfig
+from ..estimate import Status, TrackEstimate, unknown_estimate
+from ..keypoints.body_from_points import body_from_points
+from ..keypoints.late import LatePoints
+from ..keypoints.people_groups import PersonGroup, grouped
+from ..modality import PeopleSeen
+from ..tracker import Tracker
 
 _APART_M = 0.5  # of the middle of somebody new from those who are tracked: nearer it is one of them, found twice
 _SAME_M = 1.0  # between the places of one person in two looks...

@@ -15,18 +15,18 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..model.articulated import ArticulatedModel
-from ..model.configuration import State, configured
-from ..model.neighbors import Neighbor
-from ..observation.image_set import CameraImage, ImageSet
-from ..observation.keypoints.crop import Crop
-from ..parallel import Workers
-from .config import KEYPOINTS
-from .estimate import Status, TrackEstimate
+from ...model.articulated import ArticulatedModel
+from ...model.configuration import State, configured
+from ...model.neighbors import Neighbor
+from ...observation.image_set import CameraImage, ImageSet
+from ...observation.keypoints.crop import Crop
+from ...parallel import Workers
+from ..config import KEYPOINTS
+from ..estimate import Status, TrackEstimate
+from ..keypoints.late import MOST_LATE_S
+from ..modality import PeopleSeen
+from ..tracker import Tracker
 from .joining import Joining
-from .keypoints.late import MOST_LATE_S
-from .modality import PeopleSeen
-from .tracker import Tracker
 
 _IN_TOUCH_M = 0.4  # between landmarks of two people; nearer, a detector mixes up whose arms are whose
 _APART_M = 0.3  # roots of two bodies that begin at once
