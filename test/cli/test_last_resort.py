@@ -89,7 +89,8 @@ import sys
 sys.modules.update(dict.fromkeys({packages}))
 from tracker_node.cli.main import main
 arguments = {{"player": ["bag"], "recorder": ["--all", "--output", "out"], "rectify": ["--cameras", "cam1"]}}
-arguments |= {{verb: ["--rig", "rig.yaml", "--model", "model.yaml"] for verb in ("tracker", "compose", "pipeline", "rerun_bridge")}}
+with_model = ("tracker", "compose", "pipeline", "rerun_bridge")
+arguments |= {{verb: ["--rig", "rig.yaml", "--model", "model.yaml"] for verb in with_model}}
 arguments |= {{verb: ["--rig", "rig.yaml"] for verb in ("camera_ingest", "keypoints")}}
 for verb in {verbs}:
     print(verb, main([verb, *arguments[verb]]), flush=True)
