@@ -17,6 +17,7 @@ from tracker_node.cli.main import main
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.configuration import State
+from tracker_node.runs.images import first_image_of
 
 N, RIG = 40, circle_rig(3)
 HERE = {"left": range(3, 14), "right": range(8, N)}  # image sets
@@ -65,6 +66,7 @@ def test_each_who_comes_has_a_run_until_he_has_left(recording, capsys):
         first, last = HERE[who][0], HERE[who][-1]
         stamps = np.round(run.data.stamps_ns * 3e-8).astype(int)
         assert first + 3 <= stamps[0] <= first + 6  # two looks 0.1 s apart
+        assert first_image_of(info) == stamps[0] and info["expected_image_sets"] == len(run)
         tracking = [i for i, status in zip(stamps, run.data.status, strict=True) if status == 1]
         assert tracking == list(range(stamps[0], last + 1))
         assert stamps[-1] <= min(last + 2 + 15, N - 1)
@@ -75,8 +77,10 @@ def test_each_who_comes_has_a_run_until_he_has_left(recording, capsys):
     assert "guest_1" in capsys.readouterr().err and (output / "guest_2" / "states.csv").exists()
 
 
-def test_python_tracks_them_as_the_command_does(recording, tmp_path):
-    runs = tracker_node.track_bodies(recording, tmp_path / "python")
+def test_python_tracks_them_as_the_command_does(recording, tmp_path, monkeypatch):
+    monkeypatch.chdir(recording.parent)
+    runs = tracker_node.track_bodies("recording.yaml", tmp_path / "python")
+    assert all(Path(source).is_absolute() for _, source in runs["guest_2"].data.info["options"]["source"])
     assert main(["track", str(recording), "--output", str(tmp_path / "command"), "--quiet"]) == 0
     assert list(runs) == ["guest_1", "guest_2"]
     for name in runs:

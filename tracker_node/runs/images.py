@@ -27,6 +27,7 @@ from .image_sets import resampled_rig, rig_of_bag
 from .recorded_sets import RecordedRunStream
 from .writer import SUMMARY
 
+JOINED_AFTER = "joined_after_sets"  # in run.json: image sets before somebody joined
 Info = Mapping[str, Any]
 _FIELDS = {name: name for name in ("start", "end", "shrink", "base_stamp_ns")} | {"rate_hz": "rate", "size": "resize"}
 
@@ -56,10 +57,13 @@ def file_of(info: Info, key: str) -> str | None:
 
 
 def first_image_of(info: Info) -> int:
-    """Number of the image of the rig's sources that an offline run began with; 0 where its ``run.json`` does not tell."""
-    options = options_of(info)
+    """Number of the image of the rig's sources that an offline run began with; 0 where its ``run.json`` does not tell.
+
+    The run of somebody who has joined begins with the image set in which that was.
+    """
+    options, before = options_of(info), info.get(JOINED_AFTER)
     start = options.get("start") if not options.get("bag") else None
-    return start if isinstance(start, int) else 0
+    return (start if isinstance(start, int) else 0) + (before if isinstance(before, int) else 0)
 
 
 def source_options_of(info: Info, path: str | Path = "run") -> SourceOptions:

@@ -18,6 +18,7 @@ from ..errors import TrackerError, without_password
 from ..loaders.bag.message_types import KEYPOINTS as KEYPOINTS_MESSAGE
 from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
+from ..loaders.source_address import relocated
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.humans.keypoints import KeypointTable
@@ -31,7 +32,7 @@ from ..tracking.together.joining import Joining, JoiningOptions
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
-from .images import run_stream
+from .images import JOINED_AFTER, run_stream
 from .joint_states import JointStateFile, check_use, load_joint_states, with_joint_states
 from .load import run_info
 from .loop import TrackingLoop
@@ -100,7 +101,7 @@ class Recording:
         return {
             **dict(self.files),
             "cameras": list(self.rig.names),
-            "source": [[camera.name, without_password(camera.source)] for camera in self.rig if camera.source],
+            "source": [[camera.name, _from_anywhere(camera.source)] for camera in self.rig if camera.source],
             "start": self.images.start,
             "end": self.images.end,
             "rate": self.images.rate_hz,
@@ -118,6 +119,10 @@ class Recording:
             "masks": self.masks,
             "masked_images": self.masked_images,
         }
+
+
+def _from_anywhere(source: str) -> str:
+    return without_password(relocated(source, Path.cwd()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +274,8 @@ class _Followed:
     """One body of a run: its tracker, and what is written of it."""
 
     def __init__(
-        self, run: OfflineRun, tracker: Tracker, rig: CameraRig, output: Path, detector: str | None, stack: ExitStack
+        self, run: OfflineRun, tracker: Tracker, rig: CameraRig, output: Path, detector: str | None, stack: ExitStack,
+        joined_after: int | None = None,
     ):  # fmt: skip
         self._run, self.tracker = run, tracker
         if run.smooth_s is not None and not tracker.in_information_units:
@@ -280,7 +286,7 @@ class _Followed:
         self._smoothed: SmoothedWriter | None = None
         if run.smooth_s is not None:
             self._smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
-        self._record = _Record(run.model)
+        self._record, self._joined_after = _Record(run.model), joined_after
 
     def take(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         """Write what has been made of an image set."""
@@ -296,6 +302,8 @@ class _Followed:
         summary = _summary(self._run, stream, self._record, detection)
         if len(bodies) > 1:
             summary["bodies"] = list(bodies)
+        if self._joined_after is not None:  # and there was no more of it than is here
+            summary |= {JOINED_AFTER: self._joined_after, "expected_image_sets": summary["image_sets"]}
         self._writer.write_summary(summary)
         return summary
 
@@ -310,6 +318,7 @@ class _Followers:
         self._rig, self._backgrounds, self._table, self._detection = rig, backgrounds, table, detection
         self._threads, self._stack, self._joining = threads, stack, joining
         self.bodies: dict[str, _Followed] = {}
+        self._sets = 0
 
     def tracker(self, run: OfflineRun, model: ArticulatedModel, state: State | None) -> Tracker:
         config = replace(run.config, threads=self._threads)
@@ -324,9 +333,9 @@ class _Followers:
             tracker.reinitialize(run.person)
         self._begin(name, run, tracker, output)
 
-    def _begin(self, name: str, run: OfflineRun, tracker: Tracker, output: Path) -> None:
+    def _begin(self, name: str, run: OfflineRun, tracker: Tracker, output: Path, joined_after: int | None = None) -> None:
         detector = _detector_name(run, self._detection)
-        self.bodies[name] = _Followed(run, tracker, self._rig, output, detector, self._stack)
+        self.bodies[name] = _Followed(run, tracker, self._rig, output, detector, self._stack, joined_after)
 
     def joining(self, rig: CameraRig) -> Joining | None:
         """Those who may join."""
@@ -345,9 +354,10 @@ class _Followers:
                 tracker = together.trackers[name]
                 output = self._joining.output / name
                 asked = {**self._joining.run.asked, "model": str((output / MODEL).resolve())}
-                self._begin(name, replace(self._joining.run, model=tracker.model, asked=asked), tracker, output)
+                self._begin(name, replace(self._joining.run, model=tracker.model, asked=asked), tracker, output, self._sets)
                 write_joined(output, tracker.model, name)
             self.bodies[name].take(estimate, image_set)
+        self._sets += 1
 
 
 def _stream_of(run: OfflineRun, reader: BagReader | None, with_points: bool) -> tuple[CameraRig, ImageSetStream]:
