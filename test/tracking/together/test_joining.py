@@ -24,16 +24,16 @@ POINTS_ALONE = from_dict({"modalities": ["keypoints"], "threads": 1})
 NAMES = ("person_1", "person_2", "person_3")
 
 
-def here(x, i):
+def here(x, i, step=0.01):
     """Somebody who walks along y."""
-    return standing(x, 0.01 * i - 0.3, 0.5 * np.pi, left_shoulder_elevation_front=20.0 * np.sin(0.2 * i))
+    return standing(x, step * i - 0.3, 0.5 * np.pi, left_shoulder_elevation_front=20.0 * np.sin(0.2 * i))
 
 
-def shot(i, *places, cameras=(0, 1, 2, 3), **body):
+def shot(i, *places, cameras=(0, 1, 2, 3), step=0.01, **body):
     """People at places, as cameras see them, in an order that changes."""
     rng, found = np.random.default_rng(i), [[] for _ in RIG]
     for x in places:
-        for k, person in enumerate(seen_by(RIG, here(x, i), rng, 1.0, **body)):
+        for k, person in enumerate(seen_by(RIG, here(x, i, step), rng, 1.0, **body)):
             if k in cameras:
                 found[k].insert(rng.integers(len(found[k]) + 1), person)
     return image_set(RIG, [tuple(persons) for persons in found], i * PERIOD_NS, BLANK)
@@ -118,6 +118,21 @@ def test_nobody_joins_whom_fewer_than_two_cameras_see(cameras):
 def test_nobody_joins_who_is_seen_in_one_look():
     shots = [shot(0, 0.0), *(shot(i) for i in range(1, 60)), shot(60, 0.0), *(shot(i) for i in range(61, 64))]
     assert run(room(), shots)[-1] == {}
+
+
+@pytest.mark.parametrize("late", [0, 9])
+def test_who_is_seen_late_begins_where_he_is_by_now(late):
+    bodies, came = room(), None
+    for i in range(40):
+        seen = shot(i - late, 0.0, step=0.035) if i >= late else shot(i)
+        images = tuple(replace(image, stamp_ns=i * PERIOD_NS, people_stamp_ns=image.stamp_ns) for image in seen.images)
+        bodies.estimate(replace(seen, stamp_ns=i * PERIOD_NS, images=images if late else seen.images))
+        if bodies.estimates and came is None:
+            came = i
+            assert off_m(bodies.estimates["person_1"].state, here(0.0, i, 0.035)).mean() < (0.12 if late else 0.05)
+    assert came is not None
+    roots = [state.T_world_root[:3, 3] for state in (bodies.estimates["person_1"].state, here(0.0, 39, 0.035))]
+    assert np.linalg.norm(roots[0] - roots[1]) < 0.1  # arms have swung on meanwhile
 
 
 def test_lengths_are_those_of_who_comes():

@@ -108,7 +108,7 @@ class Bodies:
         expected = self._expected_of_people(image_set, seen)
         owners = self._owners_begun(seen, expected)
         others = [state.T_world_root[:3, 3] for state in expected.values() if state is not None]
-        joining.admit(stamp_ns, _without(people, owners, ""), others)
+        joining.admit(stamp_ns, image_set.stamp_ns - stamp_ns, _without(people, owners, ""), others)
 
     def learn(self) -> None:
         """See `Tracker.learn`."""

@@ -22,7 +22,7 @@ from ..modality import PeopleSeen
 from ..tracker import Tracker
 
 _APART_M = 0.5  # of the middle of somebody new from those who are tracked: nearer it is one of them, found twice
-_SAME_M = 1.0  # between the places of one person in two looks...
+_STEP_M, _RUN_M_S = 0.5, 5.0  # of one person between two looks, and more by the second...
 _LOOKS_NS = (100_000_000, 1_500_000_000)  # ...which lie so far apart: who is seen once may be a picture on a wall
 _LEAST_POINTS = 16  # of a person that meet in space
 _NO_SEARCH = 10**9  # image sets
@@ -111,12 +111,13 @@ class Joining:
         """Whom a detector has found, by camera."""
         return self._points.found(image_set)
 
-    def admit(self, stamp_ns: int, people: PeopleSeen, others: Sequence[np.ndarray]) -> bool:
+    def admit(self, stamp_ns: int, late_ns: int, people: PeopleSeen, others: Sequence[np.ndarray]) -> bool:
         """Give a body to somebody new.
 
         Parameters
         ----------
         stamp_ns : of the images that people were found in.
+        late_ns : by which the images that the body begins in are later; it goes on as between the looks until then.
         people : who are nobody's body yet, by camera.
         others : (3,) meters, world: where those are who are tracked.
 
@@ -129,24 +130,28 @@ class Joining:
             return False
         self._looks = [look for look in self._looks if stamp_ns - look[0] <= _LOOKS_NS[1]]
         places = _places(grouped(self.rig, people), others)
-        new = next((place for place in places if self._seen_before(stamp_ns, place)), None)
+        known = [(place, before) for place in places if (before := self._before(stamp_ns, place)) is not None]
         self._looks += [(stamp_ns, place) for place in places]
-        if new is None:
+        if not known:
             return False
+        new, (before_ns, there) = known[0]
         try:
             fit = body_from_points(self._options.model, self.rig, [people], self._table, self._options.config, new)
         except TrackerError:  # no body is like that
             return False
-        if np.linalg.norm((fit.states[0].T_world_root[:3, 3] - new)[:2]) > _APART_M:  # of whose points many are of the face
+        if _apart(fit.states[0].T_world_root[:3, 3], new) > _APART_M:
             return False
-        self.trackers[free[0]] = self._make(fit.model, fit.states[0])
-        self._looks = [look for look in self._looks if np.linalg.norm(look[1] - new) > _SAME_M]
+        T = fit.states[0].T_world_root.copy()
+        T[:2, 3] += (new - there)[:2] * late_ns / (stamp_ns - before_ns)
+        self.trackers[free[0]] = self._make(fit.model, replace(fit.states[0], T_world_root=T))
+        self._looks = [look for look in self._looks if np.linalg.norm(look[1] - new) > _STEP_M]
         return True
 
-    def _seen_before(self, stamp_ns: int, place: np.ndarray) -> bool:
-        return any(
-            stamp_ns - before_ns >= _LOOKS_NS[0] and np.linalg.norm(place - there) <= _SAME_M for before_ns, there in self._looks
-        )
+    def _before(self, stamp_ns: int, place: np.ndarray) -> tuple[int, np.ndarray] | None:
+        """The look before, not just now, in which the same person was seen."""
+        looks = [(ns, there) for ns, there in self._looks if stamp_ns - ns >= _LOOKS_NS[0]]
+        looks = [(ns, there) for ns, there in looks if _apart(place, there) <= _STEP_M + _RUN_M_S * 1e-9 * (stamp_ns - ns)]
+        return min(looks, key=lambda look: _apart(place, look[1]), default=None)
 
     def dismiss(self, estimates: dict[str, TrackEstimate]) -> None:
         """Whoever has been LOST for long has left.
@@ -183,6 +188,10 @@ class Joining:
         return found
 
 
+def _apart(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.linalg.norm((a - b)[:2]))
+
+
 def _places(groups: Sequence[PersonGroup], others: Sequence[np.ndarray]) -> list[np.ndarray]:
     """(3,) meters, world: where people are whose points meet, each once, apart from the others; most cameras see the first."""
     found: list[np.ndarray] = []
@@ -190,6 +199,6 @@ def _places(groups: Sequence[PersonGroup], others: Sequence[np.ndarray]) -> list
         known = np.isfinite(group.points).all(axis=1)
         if known.sum() >= _LEAST_POINTS:
             place = np.median(group.points[known], axis=0)
-            if all(np.linalg.norm((place - other)[:2]) > _APART_M for other in (*others, *found)):
+            if all(_apart(place, other) > _APART_M for other in (*others, *found)):
                 found.append(place)
     return found
