@@ -10,6 +10,9 @@ TRACKING. ``joining.gone_s``: longest time from being away until being LOST. ``j
 nearer to the other person. ``joining.lost_limbs``, ``joining.mpjpe12_mm``: as in ``crossing.*``, of bodies whose lengths were
 found from one image set. ``joining.missed_sets``: image sets of a person who is there, a second after coming, without a state.
 
+``joining.real_bodies``: bodies begun in the real recording of two people of `multi.py`. ``joining.real_found``: those of the two who
+are where man and woman are, in nine of ten image sets that come half a second after the first.
+
 ``tracker_node track`` does the same with ``joining:`` in recording.yaml; the run folders are kept beside the clip.
 """
 
@@ -28,9 +31,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmark.clothed._recording import ENDS, JOINTS
 from benchmark.contour._runs import print_circumstances
 from benchmark.multi._crossing_clip import DEFAULT_BODIES, DEFAULT_CACHE, code_of_clips
+from benchmark.multi._real_clip import load_two_people
 from benchmark.multi.crossing._motion import N_SETS
 from benchmark.multi.crossing._stage import PEOPLE, set_stage, write_recording
 from benchmark.multi.crossing._walker import RATE_HZ
+from benchmark.multi.multi import WOMAN_AT_M
 from tracker_node.api.functions import track_bodies
 from tracker_node.api.run import load_run
 from tracker_node.calibration.body import targets_of
@@ -40,7 +45,11 @@ from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.report.metrics_file import report_metrics
+from tracker_node.runs.people.detection import AROUND_S, DetectionOptions, PeopleDetection
 from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.together.bodies import Bodies
+from tracker_node.tracking.together.joining import USUAL, Joining, JoiningOptions
+from tracker_node.tracking.tracker import Tracker
 
 HELD_OUT = (101, 102, 103)
 SEEN = {PEOPLE[0]: range(10, N_SETS), PEOPLE[1]: range(36, 135)}
@@ -58,13 +67,44 @@ def main(arguments: list[str] | None = None) -> int:
     """Print the figures."""
     args = _arguments(arguments)
     try:
-        figures = judged([visited(seed, args.cache, args.bodies) for seed in args.seeds or HELD_OUT])
+        figures = {} if args.seeds else real(args.sample.resolve(), args.output.resolve())
+        if not args.only_real:
+            figures |= judged([visited(seed, args.cache, args.bodies) for seed in args.seeds or HELD_OUT])
     except TrackerError as error:
         print(f"joining: error: {error}", file=sys.stderr)
         return 2
     print_circumstances()
     report_metrics(figures, args.json)
     return 0
+
+
+def real(sample: Path, output: Path) -> dict[str, float | int]:
+    """The real recording of two people, none of whom is named.
+
+    Parameters
+    ----------
+    sample, output : see `multi.real`.
+
+    Returns
+    -------
+    By key.
+    """
+    clip = load_two_people(sample, output)
+    options = JoiningOptions(human_model(), USUAL)
+    joining = Joining(clip.rig, options, lambda model, state: Tracker(clip.rig, model, options.config, {}, state))
+    bodies, detection = Bodies({}, joining=joining), PeopleDetection(clip.rig, USUAL, DetectionOptions(around_s=AROUND_S))
+    known: dict[str, list[np.ndarray]] = {}
+    for image_set in clip.sets:
+        bodies.estimate(detection.with_people(bodies, image_set))
+        bodies.learn()
+        for name, estimate in bodies.estimates.items():
+            known.setdefault(name, []).extend([estimate.state.T_world_root[:2, 3]] * estimate.status.known)
+    for name, places in known.items():
+        print(f"{name}: known in {len(places)} image sets, at {np.mean(places, axis=0).round(2)} m", file=sys.stderr)
+    ends = np.array([clip.man_start.T_world_root[:2, 3], WOMAN_AT_M[:2]])
+    begun = [places[0] for places in known.values() if len(places) >= 0.9 * (len(clip.sets) - RATE_HZ)]
+    at = {int(np.argmin(np.linalg.norm(ends - place, axis=1))) for place in begun}
+    return {"joining.real_bodies": len(known), "joining.real_found": len(at)}
 
 
 def visited(seed: int, cache: Path, bodies: Path) -> Path:
@@ -163,6 +203,9 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     add("--seeds", nargs="+", type=int, metavar="N", help="of rendered clips (default: held-out ones, 101 to 103)")
     add("--cache", type=Path, default=DEFAULT_CACHE, metavar="FOLDER", help="of clips (default: %(default)s)")
     add("--bodies", type=Path, default=DEFAULT_BODIES, metavar="FOLDER", help="of people to draw (default: %(default)s)")
+    add("--only-real", action="store_true", help="only the real recording")
+    add("--sample", type=Path, default=Path("out/demo/sample"), metavar="FOLDER", help="of the real clip (default: %(default)s)")
+    add("--output", type=Path, default=Path("out/benchmark/multi"), metavar="FOLDER", help="of what is kept of it")
     add("--json", type=Path, metavar="FILE", help="write the figures there")
     return parser.parse_args(arguments)
 
