@@ -10,8 +10,8 @@ TRACKING. ``joining.gone_s``: longest time from being away until being LOST. ``j
 nearer to the other person. ``joining.lost_limbs``, ``joining.mpjpe12_mm``: as in ``crossing.*``, of bodies whose lengths were
 found from one image set. ``joining.missed_sets``: image sets of a person who is there, a second after coming, without a state.
 
-``joining.real_bodies``: bodies begun in the real recording of two people of `multi.py`. ``joining.real_found``: those of the two who
-are where man and woman are, in nine of ten image sets that come half a second after the first.
+``joining.real_bodies``: bodies begun in the real recording of two people of `multi.py`. ``joining.real_found``: those of the two
+who are where man and woman are, in nine of ten image sets that come half a second after the first.
 
 ``tracker_node track`` does the same with ``joining:`` in recording.yaml; the run folders are kept beside the clip.
 """
