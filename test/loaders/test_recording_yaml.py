@@ -174,6 +174,7 @@ def test_people_who_join(folder):
     assert recording.joining.names == ("man_1", "man_2") and recording.joining.gone_s == 3.0
     alone = recording.of_those_who_join()
     assert (alone.model, alone.config) == (str(folder / "person.yaml"), str(folder / "config.yaml"))
+    assert recording.models == dict.fromkeys(["man", "woman", "man_1", "man_2"], str(folder / "person.yaml"))
     nobody = "rig: rig.yaml\noutput: run\njoining: {model: person.yaml}\n"
     assert load_recording(written(folder, nobody)).each() == {}
 

@@ -225,6 +225,12 @@ class RecordingFile(FileModel):
         """Whether there may be several bodies, each with a folder, topics and parameters of its own."""
         return bool(self.bodies) or self.joining is not None
 
+    @property
+    def models(self) -> dict[str, str]:
+        """By name of each of several bodies, also of who may join, the file of its model."""
+        joining = {} if self.joining is None else dict.fromkeys(self.joining.names, self.joining.model)
+        return {name: body.model for name, body in self.bodies.items()} | joining
+
     def of_body(self, name: str) -> RecordingFile:
         """The recording with one of its bodies alone, whose results go into a folder of its name."""
         body = self.bodies[name]

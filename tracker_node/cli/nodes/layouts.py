@@ -40,10 +40,10 @@ def run(args: argparse.Namespace) -> int:
     cameras, world = (rig.names, rig.world_frame) if rig else (tuple(args.cameras), "world")
     bodies = {}
     if args.bodies:
-        entries = load_recording(args.bodies).bodies
-        bodies = {name: joints_to_plot(load_model(entry.model)) for name, entry in entries.items()}
+        models = load_recording(args.bodies).models
+        bodies = {name: joints_to_plot(load_model(model)) for name, model in models.items()}
         if not bodies:
-            raise FileFormatError(args.bodies, "bodies", "several bodies by name", "none")
+            raise FileFormatError(args.bodies, "bodies", "several bodies by name, or joining", "none")
     graph = ViewedGraph(tuple(cameras), joints, world, args.tracker.strip("/"), args.namespace, bodies)
     writers = {
         "rviz/tracker.rviz": write_rviz_layout,

@@ -47,9 +47,9 @@ def run(args: argparse.Namespace) -> int:
         refuse_to_overwrite(args, args.output)
     files = {"": args.model}
     if args.bodies:
-        files = {name: entry.model for name, entry in load_recording(args.bodies).bodies.items()}
+        files = load_recording(args.bodies).models
         if not files:
-            raise FileFormatError(args.bodies, "bodies", "several bodies by name", "none")
+            raise FileFormatError(args.bodies, "bodies", "several bodies by name, or joining", "none")
     rig = load_rig(args.rig)
     options = BridgeOptions(
         {name: load_model(file) for name, file in files.items()}, rig, args.tracker.strip("/"), args.output, args.connect,
