@@ -152,15 +152,18 @@ BODY_MISTAKES = {
 }
 
 
+def refused(folder, text, right, wrong, field, expected):
+    for name in ("config.yaml", "own.yaml"):
+        (folder / name).write_text("")
+    assert text.count(right) == 1
+    with pytest.raises(FileFormatError) as caught:
+        load_recording(written(folder, text.replace(right, wrong)))
+    assert expected in str(caught.value) and (not field or caught.value.field == field)
+
+
 @pytest.mark.parametrize("right", BODY_MISTAKES)
 def test_mistakes_in_several_bodies(folder, right):
-    (folder / "config.yaml").write_text("")
-    (folder / "own.yaml").write_text("")
-    wrong, field, expected = BODY_MISTAKES[right]
-    assert BODIES.count(right) == 1
-    with pytest.raises(FileFormatError) as caught:
-        load_recording(written(folder, BODIES.replace(right, wrong)))
-    assert expected in str(caught.value) and (not field or caught.value.field == field)
+    refused(folder, BODIES, right, *BODY_MISTAKES[right])
 
 
 JOINING = BODIES + "joining: {model: person.yaml, most: 2, name: man, gone_s: 3}\n"
@@ -191,13 +194,7 @@ JOINING_MISTAKES = {
 
 @pytest.mark.parametrize("right", JOINING_MISTAKES)
 def test_mistakes_in_people_who_join(folder, right):
-    for name in ("config.yaml", "own.yaml"):
-        (folder / name).write_text("")
-    wrong, field, expected = JOINING_MISTAKES[right]
-    assert JOINING.count(right) == 1
-    with pytest.raises(FileFormatError) as caught:
-        load_recording(written(folder, JOINING.replace(right, wrong)))
-    assert expected in str(caught.value) and caught.value.field == field
+    refused(folder, JOINING, right, *JOINING_MISTAKES[right])
 
 
 def test_a_loop_is_not_evaluated_whichever_body_asks_for_it(folder):

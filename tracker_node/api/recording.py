@@ -13,7 +13,7 @@ from ..errors import TrackerError
 from ..loaders.images.source import SourceOptions
 from ..loaders.model.model_yaml import load_model
 from ..loaders.model.state_yaml import load_state
-from ..loaders.recording_yaml import FILES, JointStatesEntry, RecordingFile, load_recording
+from ..loaders.recording_yaml import FILES, JoiningEntry, JointStatesEntry, RecordingFile, load_recording
 from ..loaders.rig.rig_yaml import load_rig
 from ..runs.config_file import load_config
 from ..runs.joint_states import JointStateFile
@@ -94,9 +94,29 @@ def joining_of(file: RecordingFile, output: Path) -> JoiningRun | None:
     if file.joining is None:
         return None
     alone = file.of_those_who_join()
-    recording = recording_of(alone) if alone.config else replace(recording_of(alone), config=USUAL)
-    options = JoiningOptions(recording.model, recording.config, file.joining.names, file.joining.gone_s)
-    return JoiningRun(options, OfflineRun(**vars(recording), asked=recording.named_options()), output)
+    recording = recording_of(alone)
+    run = OfflineRun(**vars(recording), asked=recording.named_options())
+    return joining_run(file.joining, run if alone.config else replace(run, config=USUAL), output)
+
+
+def joining_run(entry: JoiningEntry, run: OfflineRun, output: Path) -> JoiningRun:
+    """People who may join a run.
+
+    Parameters
+    ----------
+    entry : of a ``recording.yaml``.
+    run : of a body that joins, as if it were alone.
+    output : folder; the run of who joins goes into a folder of its name there.
+
+    Returns
+    -------
+    With the model and the parameters of ``run``.
+
+    Raises
+    ------
+    TrackerError : points are not compared.
+    """
+    return JoiningRun(JoiningOptions(run.model, run.config, entry.names, entry.gone_s), run, output)
 
 
 def recording_of(file: RecordingFile) -> Recording:

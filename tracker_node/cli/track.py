@@ -194,15 +194,14 @@ def _offline_run(args: argparse.Namespace, rig: CameraRig) -> OfflineRun:
 
 def _joining(args: argparse.Namespace, recording: RecordingFile | None, rig: CameraRig) -> JoiningRun | None:
     """People who may join."""
-    from ..runs.offline import JoiningRun
-    from ..tracking.together.joining import USUAL, JoiningOptions
+    from ..api.recording import joining_run
+    from ..tracking.together.joining import USUAL
 
     own = of_those_who_join(args, recording)
     if own is None or recording is None or recording.joining is None:
         return None
-    run, entry = _offline_run(own, rig), recording.joining
-    run = run if own.config else replace(run, config=USUAL)
-    return JoiningRun(JoiningOptions(run.model, run.config, entry.names, entry.gone_s), run, args.output)
+    run = _offline_run(own, rig)
+    return joining_run(recording.joining, run if own.config else replace(run, config=USUAL), args.output)
 
 
 def _as_that_run(args: argparse.Namespace) -> None:

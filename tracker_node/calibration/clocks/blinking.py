@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import cv2
 import numpy as np
 
 from ...errors import CalibrationError
-from .flashes import Flashes
-from .motion import check_images
+from .flashes import Flashes, gray_blocks
 
 _GRID = (64, 36)  # blocks of an image: a small light fills much of one
 _LEAST_LEVELS = 6.0  # gray levels between off and on in its block
@@ -37,12 +35,7 @@ def seen_blinking(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Flas
     ------
     CalibrationError : too few images, or nothing in them that goes on and off.
     """
-    stamps, rows = [], []
-    for stamp_ns, bgr in images:
-        stamps.append(1e-9 * stamp_ns)
-        rows.append(cv2.cvtColor(cv2.resize(bgr, _GRID, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY).ravel())
-    check_images(camera, len(stamps))
-    times, blocks = np.array(stamps), np.array(rows, dtype=np.float32)
+    times, blocks = gray_blocks(camera, images, _GRID)
     level = _light(blocks)
     lit = level > 0.5
     changes = np.flatnonzero(lit[1:] != lit[:-1])

@@ -45,6 +45,32 @@ class Flashes:
     kinds: np.ndarray | None = None
 
 
+def gray_blocks(
+    camera: str, images: Iterable[tuple[int, np.ndarray]], grid: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The images of a camera in a few blocks.
+
+    Parameters
+    ----------
+    camera, images : its name; (stamp_ns, (h, w, 3) BGR) in the order of time.
+    grid : blocks along the width and the height.
+
+    Returns
+    -------
+    (n,) seconds; (n, blocks) float32 gray levels.
+
+    Raises
+    ------
+    CalibrationError : too few images.
+    """
+    stamps, rows = [], []
+    for stamp_ns, bgr in images:
+        stamps.append(1e-9 * stamp_ns)
+        rows.append(cv2.cvtColor(cv2.resize(bgr, grid, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY).ravel())
+    check_images(camera, len(stamps))
+    return np.array(stamps), np.array(rows, dtype=np.float32)
+
+
 def seen_flashes(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Flashes:
     """Flashes in the images of a camera.
 
@@ -60,12 +86,7 @@ def seen_flashes(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Flash
     ------
     CalibrationError : too few images, or none that is brighter at once.
     """
-    stamps, rows = [], []
-    for stamp_ns, bgr in images:
-        stamps.append(1e-9 * stamp_ns)
-        rows.append(cv2.cvtColor(cv2.resize(bgr, _GRID, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY).ravel())
-    check_images(camera, len(stamps))
-    times, blocks = np.array(stamps), np.array(rows, dtype=np.float32)
+    times, blocks = gray_blocks(camera, images, _GRID)
     levels = _level(blocks)
     steps = np.diff(levels, prepend=levels[0])
     usual = 1.4826 * float(np.median(np.abs(steps - np.median(steps))))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -34,6 +34,15 @@ _NOWHERE = 100.0  # what it costs that a body begins nowhere, meters or informat
 _NEVER = 1e6
 _REACH_M, _REACH_M_S = 1.0, 3.0  # as far as somebody who was not seen for a moment may have come, and more by the second
 _BY_TROUBLE = (Status.TRACKING, Status.DEGRADED, Status.INITIALIZING, Status.LOST)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shares:
+    """Whose body people are (``owners``, by camera): where bodies were ``expected``, and with those who have ``begun`` there."""
+
+    expected: Mapping[str, State | None]
+    owners: Sequence[dict[int, str]]
+    begun: Mapping[str, State | None]
 
 
 class Bodies:
@@ -64,9 +73,8 @@ class Bodies:
         """Estimate all states for one image set; returned is that of whoever is worst off, all are in ``estimates``."""
         self.learn()  # what others look like is as of the set before, whenever somebody has asked for that
         self._now_ns = image_set.stamp_ns
-        if self._joining is not None:
-            self._admit(self._joining, image_set)
-        sets, names = self.image_sets(image_set), list(self.trackers)
+        shares = None if self._joining is None else self._admit(self._joining, image_set)
+        sets, names = self._image_sets(image_set, shares), list(self.trackers)
         estimates = self._workers.map(lambda name: self.trackers[name].estimate(sets[name]), names)
         self.estimates = dict(zip(names, estimates, strict=True))
         self._remember(image_set.stamp_ns)
@@ -97,18 +105,17 @@ class Bodies:
         if self._joining is not None and other._joining is not None:
             self._joining.keep(other._joining)
 
-    def _admit(self, joining: Joining, image_set: ImageSet) -> None:
-        """Give a body to somebody new in the images, as the detector has seen them."""
+    def _admit(self, joining: Joining, image_set: ImageSet) -> _Shares | None:
+        """Give a body to somebody new in the images, as the detector has seen them; whose the people are, where that holds on."""
         people = joining.found(image_set)
         if not any(people):
-            return
+            return None
         late_ns = _people_stamp_ns(image_set)
         stamp_ns = image_set.stamp_ns if late_ns is None else late_ns
-        seen = self._seen_by_each(image_set)
-        expected = self._expected_of_people(image_set, seen)
-        owners = self._owners_begun(seen, expected)
-        others = [state.T_world_root[:3, 3] for state in expected.values() if state is not None]
-        joining.admit(stamp_ns, image_set.stamp_ns - stamp_ns, _without(people, owners, ""), others)
+        shares = self._shares(image_set)
+        others = [state.T_world_root[:3, 3] for state in _known(shares.begun).values()]
+        joined = joining.admit(stamp_ns, image_set.stamp_ns - stamp_ns, _without(people, shares.owners, ""), others)
+        return None if joined else shares
 
     def learn(self) -> None:
         """See `Tracker.learn`."""
@@ -153,22 +160,29 @@ class Bodies:
 
     def image_sets(self, image_set: ImageSet) -> dict[str, ImageSet]:
         """The image set as each tracker is to take it: with the others as neighbors, and without the people who are others."""
+        return self._image_sets(image_set, None)
+
+    def _image_sets(self, image_set: ImageSet, shares: _Shares | None) -> dict[str, ImageSet]:
         if len(self.trackers) < 2 and (self._joining is None or not self.trackers):
             return dict.fromkeys(self.trackers, image_set)
         neighbors = {name: tracker.as_neighbor(image_set.stamp_ns) for name, tracker in self.trackers.items()}
-        people = self._people_of_each(image_set)
+        people = self._people_of_each(image_set, shares or self._shares(image_set))
         return {
             name: replace(image_set, images=people[name], own=neighbors[name], neighbors=_others(neighbors, name))
             for name in self.trackers
         }
 
-    def _people_of_each(self, image_set: ImageSet) -> dict[str, tuple[CameraImage, ...]]:
-        """By body, the images without those people who are other bodies."""
+    def _shares(self, image_set: ImageSet) -> _Shares:
+        """Whose body each of the people in the images is."""
         seen = self._seen_by_each(image_set)
         expected = self._expected_of_people(image_set, seen)
-        in_touch = self._in_touch(_known(expected))
-        unknown = {name for name, state in expected.items() if state is None}
-        owners = self._owners_begun(seen, expected)
+        begun = dict(expected)
+        return _Shares(expected, self._owners_begun(seen, begun), begun)
+
+    def _people_of_each(self, image_set: ImageSet, shares: _Shares) -> dict[str, tuple[CameraImage, ...]]:
+        """By body, the images without those people who are other bodies."""
+        in_touch, owners = self._in_touch(_known(shares.expected)), shares.owners
+        unknown = {name for name, state in shares.expected.items() if state is None}
         cameras = next(iter(self.trackers.values())).rig.names
         return {
             name: tuple(_left(image, cameras, owners, name, name in in_touch, name in unknown) for image in image_set.images)
