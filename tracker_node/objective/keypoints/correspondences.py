@@ -212,7 +212,7 @@ class KeypointCorrespondences:
     def _compared(self, state: State) -> PointsAt:
         body, chain = self.body, self.body.model.chain
         n_points, n_cameras = self.observed.shape[:2]
-        n_links, n_dof = len(chain.links), chain.n_dof
+        n_links = len(chain.links)
         normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
         of_cameras = np.zeros((n_cameras, n_links, 6, 6)), np.zeros((n_cameras, n_links, 6))
         weights, squares = np.empty((n_points, n_cameras)), np.empty((n_points, n_cameras))
@@ -222,7 +222,7 @@ class KeypointCorrespondences:
             self.observed, self._cameras, configuration.Ts_world_link, body.links, body.positions, body.means, body.priors,
             self._sharpness, (normal, gradient, *of_cameras), (offsets, information, weights, squares),
         )  # fmt: skip
-        H, g = np.empty((n_dof, n_dof)), np.empty(n_dof)
+        H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
         assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
         if self._depths is not None:
             of_depths = self._depths.compared(body, configuration, self._sharpness)
