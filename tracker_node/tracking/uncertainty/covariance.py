@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...geometry import so3
+from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...render.shape_arrays import bounding_spheres
@@ -171,16 +171,12 @@ def _second_moment(
     Errors e along them move the links by sum e_i e_j b_ij / 2 beside the tangent. Of Gaussian errors that has the mean
     m = sum v_i b_ii / 2 and the covariance sum v_i v_j b_ij b_ij^T / 2.
     """
-    first, second = np.triu_indices(len(variance))
-    product = variance[first] * variance[second]
-    bent = product > _WELL_KNOWN**2
-    first, second, product = first[bent], second[bent], product[bent]
-    moved, twists = body.model.chain.link_moved_by, body.twists
-    gradients = (images.normal[None] @ link_bends(body, directions, (first, second))[..., None])[..., 0]
-    bends = inverse @ ((moved.T @ gradients) * twists).sum(axis=2).T
-    alone = first == second
+    product = np.triu(np.outer(variance, variance))
+    first, second = np.nonzero(product > _WELL_KNOWN**2)
+    gradients = _pulls(images.normal, link_bends(body, directions, (first, second)), *_chain_of(body))
+    bends, alone = inverse @ gradients.T, first == second
     mean = 0.5 * bends[:, alone] @ variance[first[alone]]
-    return (bends * np.where(alone, 0.5, 1.0) * product) @ bends.T + np.outer(mean, mean)
+    return (bends * (np.where(alone, 0.5, 1.0) * product[first, second])) @ bends.T + np.outer(mean, mean)
 
 
 def link_bends(body: Configuration, directions: np.ndarray, pairs: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
@@ -199,17 +195,63 @@ def link_bends(body: Configuration, directions: np.ndarray, pairs: tuple[np.ndar
     (n_pairs, n_links, 6) spatial twists.
     """
     first, second = (np.arange(directions.shape[1]),) * 2 if pairs is None else pairs
-    twists, chain = body.twists, body.model.chain
-    shares = directions.T[:, :, None]
-    speeds = chain.carried_by @ (shares * twists)
-    turned = (_brackets(twists) @ speeds[..., None])[..., 0]
-    return chain.link_moved_by @ (0.5 * (shares[first] * turned[second] + shares[second] * turned[first]))
+    return _link_bends(np.ascontiguousarray(directions), first, second, body.model.chain.carried_by, *_chain_of(body))
 
 
-def _brackets(twists: np.ndarray) -> np.ndarray:
-    """(n, 6, 6): times a twist, the Lie bracket of that with each of ``twists`` (n, 6)."""
-    v, w = so3.hat(twists[:, :3]), so3.hat(twists[:, 3:])
-    return -np.concatenate([np.concatenate([w, v], axis=2), np.concatenate([np.zeros_like(w), w], axis=2)], axis=1)
+def _chain_of(body: Configuration) -> tuple[np.ndarray, np.ndarray]:
+    """(n_links, n_dof) mask of what moves each link, and (n_dof, 6) twists."""
+    return body.model.chain.link_moved_by, body.twists
+
+
+@compiled
+def _link_bends(directions, first, second, carried_by, moved_by, twists):
+    """`link_bends` of pairs of directions."""
+    (n_links, n), k = moved_by.shape, directions.shape[1]
+    turned, speed = np.empty((k, n, 6)), np.empty(6)  # Lie brackets of what carries each twist with it
+    for d in range(k):
+        for i in range(n):
+            speed[:] = 0.0
+            for j in range(i):
+                if carried_by[i, j]:
+                    for a in range(6):
+                        speed[a] += directions[j, d] * twists[j, a]
+            t = twists[i]
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                turned[d, i, a] = (
+                    speed[3 + b] * t[c] - speed[3 + c] * t[b] - (t[3 + b] * speed[c] - t[3 + c] * speed[b])
+                )  # fmt: skip
+                turned[d, i, 3 + a] = speed[3 + b] * t[3 + c] - speed[3 + c] * t[3 + b]
+    bends = np.zeros((first.size, n_links, 6))
+    for pair in range(first.size):
+        one, other = first[pair], second[pair]
+        for i in range(n):
+            for a in range(6):
+                speed[a] = 0.5 * (directions[i, one] * turned[other, i, a] + directions[i, other] * turned[one, i, a])
+            for link in range(n_links):
+                if moved_by[link, i]:
+                    for a in range(6):
+                        bends[pair, link, a] += speed[a]
+    return bends
+
+
+@compiled
+def _pulls(normal, bends, moved_by, twists):
+    """(n_pairs, n_dof): gradients by the information (n_links, 6, 6) on links that are off by ``bends`` (n_pairs, n_links, 6)."""
+    n_links, n = moved_by.shape
+    pulls, force = np.zeros((len(bends), n)), np.empty(6)
+    for pair in range(len(bends)):
+        for link in range(n_links):
+            bend = bends[pair, link]
+            for a in range(6):
+                force[a] = 0.0
+                for b in range(6):
+                    force[a] += normal[link, a, b] * bend[b]
+            for i in range(n):
+                if moved_by[link, i]:
+                    for a in range(6):
+                        pulls[pair, i] += force[a] * twists[i, a]
+    return pulls
 
 
 UNSEEN_M = 0.05
