@@ -14,9 +14,7 @@ from ...model.configuration import Configuration, State, configured
 from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import camera_constants
-from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, SCORE, U, V, sum_points
-
-_WILD = 0.05  # density of a guess that is anything, in that of one that is right
+from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, SCORE, U, V, add_depths, sum_points
 
 PackedCameras = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -116,35 +114,26 @@ class GuessedDepths:
     rays: np.ndarray
     weight: float
 
-    def compared(self, body: BodyPoints, configuration: Configuration, sharpness: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Least squares with a mixture for guesses that are wrong altogether.
+    def add_to(
+        self, H: np.ndarray, g: np.ndarray, body: BodyPoints, configuration: Configuration, sharpness: float
+    ) -> float:  # fmt: skip
+        """Add least squares with a mixture for guesses that are wrong altogether.
 
         Parameters
         ----------
+        H, g : (n_dof, n_dof) and (n_dof,), added to.
         body, configuration : points of a body, in a state.
         sharpness : factor of the squares.
 
         Returns
         -------
-        H (n_dof, n_dof), g (n_dof,), cost.
+        Their cost.
         """
-        places = body.places(configuration.state)
-        moved = configuration.point_jacobian(places, body.links)
-        leads, middle = np.tensordot(self.bones, moved, axes=1), moved.mean(axis=0)
-        e = np.hstack([
-            (self.shares * (self.rays @ (self.bones @ places).T) - self.depths) / self.sigmas,
-            ((((places.mean(axis=0) - self.centers) * self.rays).sum(axis=1) - self.distances) / self.distance_sigmas)[:, None],
-        ])  # fmt: skip
-        J = np.concatenate([
-            (self.shares / self.sigmas)[:, None] * np.einsum("ci,bid->cbd", self.rays, leads),
-            (self.rays @ middle / self.distance_sigmas[:, None])[:, None],
-        ], axis=1)  # fmt: skip
-        guessed = np.isfinite(e)
-        J, e = J[guessed], e[guessed]
-        near, odds = np.exp(-0.5 * sharpness * np.minimum(e * e, 400.0)), sharpness * _WILD
-        weights = sharpness * self.weight * near / (near + odds)
-        cost = -2.0 * self.weight * float(np.log((near + odds) / (1.0 + odds)).sum())
-        return J.T @ (weights[:, None] * J), J.T @ (weights * e), cost
+        guesses = self.bones, self.shares, self.depths, self.sigmas, self.distances, self.distance_sigmas
+        places, moved_by = body.places(configuration.state), body.model.chain.link_moved_by
+        return add_depths(
+            *guesses, self.centers, self.rays, self.weight, sharpness, places, body.links, moved_by, configuration.twists, H, g
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,8 +214,7 @@ class KeypointCorrespondences:
         H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
         assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
         if self._depths is not None:
-            of_depths = self._depths.compared(body, configuration, self._sharpness)
-            H, g, cost = H + of_depths[0], g + of_depths[1], cost + of_depths[2]
+            cost += self._depths.add_to(H, g, body, configuration, self._sharpness)
         cameras = tuple(
             CameraEquations(of_cameras[0][i], of_cameras[1][i]) if (weights[:, i] >= 0.0).any() else None
             for i in range(n_cameras)
