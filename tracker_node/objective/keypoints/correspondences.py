@@ -14,7 +14,7 @@ from ...model.configuration import Configuration, State, configured
 from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import camera_constants
-from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, SCORE, U, V, add_depths, sum_points
+from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, SCORE, U, V, add_depths, places_of, sum_points
 
 PackedCameras = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -50,8 +50,11 @@ class BodyPoints:
 
     def places(self, state: State) -> np.ndarray:
         """(n, 3) meters, world: where the points of a body in ``state`` are expected."""
-        T = configured(self.model, state).Ts_world_link[self.links]
-        return np.einsum("nij,nj->ni", T[:, :3, :3], self.positions + self.means) + T[:, :3, 3]
+        return places_of(configured(self.model, state).Ts_world_link, self.links, self._expected)
+
+    @cached_property
+    def _expected(self) -> np.ndarray:
+        return self.positions + self.means
 
     def __len__(self) -> int:
         return len(self.links)
@@ -143,7 +146,7 @@ class PointsAt:
     Attributes
     ----------
     state, equations : the state, and the normal equations there.
-    cameras : what each camera says of it.
+    normal, gradient : (n_cameras, n_links, 6, 6), (n_cameras, n_links, 6) of each camera at the best offsets.
     offsets : (n_points, 3) meters, best offset of each point in its link.
     information : (n_points, 3, 3) of the images about the place of each point, in the axes of its link.
     weights : (n_points, n_cameras) probability that a detection is no outlier; -1 where there is none.
@@ -152,7 +155,8 @@ class PointsAt:
 
     state: State
     equations: NormalEquations
-    cameras: tuple[CameraEquations | None, ...]
+    normal: np.ndarray
+    gradient: np.ndarray
     offsets: np.ndarray
     information: np.ndarray
     weights: np.ndarray
@@ -190,7 +194,9 @@ class KeypointCorrespondences:
 
     def camera_equations(self, state: State) -> Sequence[CameraEquations | None]:
         """What each camera says of ``state`` at the best offsets; None for one without points."""
-        return self.at(state).cameras
+        there = self.at(state)
+        found = zip(there.normal, there.gradient, (there.weights >= 0.0).any(axis=0), strict=True)
+        return [CameraEquations(normal, gradient) if seen else None for normal, gradient, seen in found]
 
     def squares_px(self, state: State) -> np.ndarray:
         """(n_points, n_cameras) squared distances in pixels at the best offsets; 0 where there is no point."""
@@ -215,8 +221,4 @@ class KeypointCorrespondences:
         assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
         if self._depths is not None:
             cost += self._depths.add_to(H, g, body, configuration, self._sharpness)
-        cameras = tuple(
-            CameraEquations(of_cameras[0][i], of_cameras[1][i]) if (weights[:, i] >= 0.0).any() else None
-            for i in range(n_cameras)
-        )
-        return PointsAt(state, NormalEquations(H, g, cost, count), cameras, offsets, information, weights, squares)
+        return PointsAt(state, NormalEquations(H, g, cost, count), *of_cameras, offsets, information, weights, squares)

@@ -39,6 +39,27 @@ def _solve3(A, b, x):
 
 
 @compiled
+def places_of(Ts_link, links, positions):
+    """Where points are that links carry.
+
+    Parameters
+    ----------
+    Ts_link : (n_links, 4, 4), to the world.
+    links, positions : (n,), and (n, 3) meters in the frames of these links.
+
+    Returns
+    -------
+    (n, 3) meters, world.
+    """
+    places = np.empty((links.size, 3))
+    for k in range(links.size):
+        T, p = Ts_link[links[k]], positions[k]
+        for a in range(3):
+            places[k, a] = T[a, 0] * p[0] + T[a, 1] * p[1] + T[a, 2] * p[2] + T[a, 3]
+    return places
+
+
+@compiled
 def look(point, observed, params, R, t, sharpness, information, pull):
     """One camera's cost of a point in the world, with its information (3, 3) and pull (3,), overwritten.
 
