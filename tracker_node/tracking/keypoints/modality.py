@@ -210,8 +210,8 @@ class DepthGuesses:
             pixels, skeleton = person.pixels[rows], self._meters * person.skeleton[rows]
             known = np.isfinite(skeleton).all(axis=1)
             if known.any():
-                for k, bone in enumerate(self._bones):
-                    depths[i, k] = bone[bone != 0.0] @ skeleton[bone != 0.0, 2]
+                ends = self._bones != 0.0
+                depths[i] = np.where((ends & ~known).any(axis=1), np.nan, self._bones @ np.where(known, skeleton[:, 2], 0.0))
                 seen, flat = (each[known] - each[known].mean(axis=0) for each in (pixels, skeleton[:, :2]))
                 px_per_m = max(float((seen * flat).sum()), 1e-9) / max(float((flat * flat).sum()), 1e-9)
                 distances[i] = float(camera.model.params[0]) / px_per_m

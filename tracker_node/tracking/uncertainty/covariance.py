@@ -23,6 +23,7 @@ import numpy as np
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...model.kinematic_chain import N_ROOT_DOF
 from ...render.shape_arrays import bounding_spheres
 
 # Times second-order terms: on training clips, squared errors across them are then 1.1 times what is said, 1.3 without it
@@ -195,62 +196,76 @@ def link_bends(body: Configuration, directions: np.ndarray, pairs: tuple[np.ndar
     (n_pairs, n_links, 6) spatial twists.
     """
     first, second = (np.arange(directions.shape[1]),) * 2 if pairs is None else pairs
-    return _link_bends(np.ascontiguousarray(directions), first, second, body.model.chain.carried_by, *_chain_of(body))
+    return _link_bends(np.ascontiguousarray(directions), first, second, *_chain_of(body))
 
 
-def _chain_of(body: Configuration) -> tuple[np.ndarray, np.ndarray]:
-    """(n_links, n_dof) mask of what moves each link, and (n_dof, 6) twists."""
-    return body.model.chain.link_moved_by, body.twists
+def _chain_of(body: Configuration) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Parent and axes of every link, and the twists, as the kernels take them."""
+    chain = body.model.chain
+    return chain.parents, chain.axis_start, chain.axis_count, body.twists
 
 
 @compiled
-def _link_bends(directions, first, second, carried_by, moved_by, twists):
+def _link_bends(directions, first, second, parents, axis_start, axis_count, twists):
     """`link_bends` of pairs of directions."""
-    (n_links, n), k = moved_by.shape, directions.shape[1]
-    turned, speed = np.empty((k, n, 6)), np.empty(6)  # Lie brackets of what carries each twist with it
+    n_links, k = parents.size, directions.shape[1]
+    speeds, turned = np.empty((n_links, 6)), np.zeros((k, twists.shape[0], 6))  # Lie brackets with what carries each twist
     for d in range(k):
-        for i in range(n):
-            speed[:] = 0.0
-            for j in range(i):
-                if carried_by[i, j]:
-                    for a in range(6):
-                        speed[a] += directions[j, d] * twists[j, a]
-            t = twists[i]
-            for a in range(3):
-                b, c = (a + 1) % 3, (a + 2) % 3
-                turned[d, i, a] = (
-                    speed[3 + b] * t[c] - speed[3 + c] * t[b] - (t[3 + b] * speed[c] - t[3 + c] * speed[b])
-                )  # fmt: skip
-                turned[d, i, 3 + a] = speed[3 + b] * t[3 + c] - speed[3 + c] * t[3 + b]
+        for link in range(n_links):
+            speed = speeds[link]
+            if parents[link] < 0:
+                speed[:] = 0.0
+                for i in range(N_ROOT_DOF):
+                    speed += directions[i, d] * twists[i]
+            else:
+                speed[:] = speeds[parents[link]]
+            begin = N_ROOT_DOF + axis_start[link]
+            for i in range(begin, begin + axis_count[link]):
+                t = twists[i]
+                for a in range(3):
+                    b, c = (a + 1) % 3, (a + 2) % 3
+                    turned[d, i, a] = (
+                        speed[3 + b] * t[c] - speed[3 + c] * t[b] - (t[3 + b] * speed[c] - t[3 + c] * speed[b])
+                    )  # fmt: skip
+                    turned[d, i, 3 + a] = speed[3 + b] * t[3 + c] - speed[3 + c] * t[3 + b]
+                for a in range(6):
+                    speed[a] += directions[i, d] * t[a]
     bends = np.zeros((first.size, n_links, 6))
     for pair in range(first.size):
         one, other = first[pair], second[pair]
-        for i in range(n):
-            for a in range(6):
-                speed[a] = 0.5 * (directions[i, one] * turned[other, i, a] + directions[i, other] * turned[one, i, a])
-            for link in range(n_links):
-                if moved_by[link, i]:
-                    for a in range(6):
-                        bends[pair, link, a] += speed[a]
+        for link in range(n_links):
+            bend = bends[pair, link]
+            if parents[link] >= 0:
+                bend[:] = bends[pair, parents[link]]
+            begin = N_ROOT_DOF + axis_start[link]
+            for i in range(begin, begin + axis_count[link]):
+                for a in range(6):
+                    bend[a] += 0.5 * (directions[i, one] * turned[other, i, a] + directions[i, other] * turned[one, i, a])
     return bends
 
 
 @compiled
-def _pulls(normal, bends, moved_by, twists):
+def _pulls(normal, bends, parents, axis_start, axis_count, twists):
     """(n_pairs, n_dof): gradients by the information (n_links, 6, 6) on links that are off by ``bends`` (n_pairs, n_links, 6)."""
-    n_links, n = moved_by.shape
-    pulls, force = np.zeros((len(bends), n)), np.empty(6)
+    n_links = parents.size
+    pulls, forces = np.empty((len(bends), twists.shape[0])), np.empty((n_links, 6))
     for pair in range(len(bends)):
         for link in range(n_links):
-            bend = bends[pair, link]
             for a in range(6):
-                force[a] = 0.0
+                forces[link, a] = 0.0
                 for b in range(6):
-                    force[a] += normal[link, a, b] * bend[b]
-            for i in range(n):
-                if moved_by[link, i]:
-                    for a in range(6):
-                        pulls[pair, i] += force[a] * twists[i, a]
+                    forces[link, a] += normal[link, a, b] * bends[pair, link, b]
+        for link in range(n_links - 1, -1, -1):  # what a link carries pulls at it, too
+            begin, n, force = N_ROOT_DOF + axis_start[link], axis_count[link], forces[link]
+            if parents[link] < 0:
+                begin, n = 0, N_ROOT_DOF
+            for i in range(begin, begin + n):
+                pulls[pair, i] = 0.0
+                for a in range(6):
+                    pulls[pair, i] += force[a] * twists[i, a]
+            if parents[link] >= 0:
+                for a in range(6):
+                    forces[parents[link], a] += force[a]
     return pulls
 
 
