@@ -167,7 +167,7 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
-        self._ends, self._tips = np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
+        self._tips = np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
         self._known_m = _KNOWN_OF_THING * thing_size(model)
         self._sigmas_of: tuple[Any, Any, np.ndarray] = None, None, np.zeros(0)  # of which state and covariance, the last ones
         self.reset()
@@ -374,7 +374,7 @@ class LimbJudge:
         if self._sigmas_of[0] is state and self._sigmas_of[1] is covariance:
             return self._sigmas_of[2]
         body = configured(self._model, state)
-        of_tips = _of_points(self._ends, self._tips, body.Ts_world_link, self._model.chain.link_moved_by, body.twists, covariance)
+        of_tips = _of_points(*self._tips, body.Ts_world_link, self._model.chain.link_moved_by, body.twists, covariance)
         sigmas = np.sqrt(np.maximum(np.linalg.eigvalsh(of_tips)[:, -1], 0.0))
         self._sigmas_of = state, covariance, sigmas
         return sigmas
