@@ -11,7 +11,6 @@ tracked one by one.
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import signal
@@ -27,6 +26,7 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.contour._runs import print_circumstances
 from tracker_node.api.functions import track
 from tracker_node.api.recording import recording_of
@@ -190,12 +190,9 @@ def measure(folder: Path, images: int) -> dict[str, float | int]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example:\n  python benchmark/batch.py --quick --json out/benchmark/batch.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="short trials: shows that it runs")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+    parser = parser_of(
+        __doc__, "python benchmark/batch.py --quick --json out/benchmark/batch.json", "short trials: shows that it runs"
+    )
     args = parser.parse_args(arguments)
     try:
         with tempfile.TemporaryDirectory(prefix="batch-") as folder:

@@ -38,7 +38,7 @@ from tracker_node.tracking.tracker import Tracker
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
 
 from benchmark._reference import reference_ms
-from benchmark.contour._runs import add_common_arguments, configured, print_circumstances
+from benchmark.contour._runs import clip_parser, configured, print_circumstances
 
 ITERATIONS, SAMPLES, N_IMAGES = 5, 25, 30  # the quick cones of contour_accuracy.py
 WARM_UP = 5
@@ -99,12 +99,7 @@ def timing_figures(
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/core.py --quick --json out/benchmark/core.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_common_arguments(parser)
+    parser = clip_parser(__doc__, "python benchmark/core.py --quick --json out/benchmark/core.json")
     return parser.parse_args(arguments)
 
 

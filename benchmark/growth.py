@@ -22,6 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.contour._runs import WARM_UP, configured, print_circumstances
 from benchmark.contour.box import rig_around, sensed
@@ -179,13 +180,9 @@ def plot(curves: dict[str, np.ndarray], file: Path) -> None:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/growth.py --plot out/benchmark/growth.png",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__, "python benchmark/growth.py --plot out/benchmark/growth.png", "two points a curve, few image sets"
     )
-    parser.add_argument("--quick", action="store_true", help="two points a curve, few image sets")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
     parser.add_argument("--set", dest="changes", nargs="+", default=[], metavar="KEY=VALUE", help="parameters, e.g. threads=1")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curves there, PNG or SVG")
     return parser.parse_args(arguments)

@@ -8,7 +8,6 @@ that two threads give which do the same thing at once. OpenCV's distance transfo
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Callable
@@ -36,6 +35,7 @@ from tracker_node.tracking.config import BackgroundConfig, ChamferConfig
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 
 MARGIN_PX = 24
@@ -192,12 +192,11 @@ def measure(seconds: float, threads: bool = True) -> dict[str, float]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example: python benchmark/kernels.py --quick --json out/kernels.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="a tenth of a second for each figure instead of one")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
+    parser = parser_of(
+        __doc__,
+        "python benchmark/kernels.py --quick --json out/kernels.json",
+        "a tenth of a second for each figure instead of one",
+    )
     args = parser.parse_args(arguments)
     metrics = measure(0.1 if args.quick else 1.0)
     report_metrics(metrics, args.json)

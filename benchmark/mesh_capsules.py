@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from tracker_node.model.humans.surfaces18 import nurbs_human
+from tracker_node.model.humans.segments18 import nurbs_human
 from tracker_node.model.shapes.capsules import capsules_in_mesh
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone, point_gaps
 from tracker_node.render.opengl.tessellation import tessellate

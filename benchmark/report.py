@@ -34,6 +34,7 @@ from tracker_node.synthesis.recording import Request, produce, show_progress
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.contour._runs import print_circumstances
 
@@ -168,13 +169,9 @@ def load_times(page: Path, repeats: int) -> list[Load]:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/report.py --json out/benchmark/report.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__, "python benchmark/report.py --json out/benchmark/report.json", f"{QUICK_SETS} image sets: shows that it runs"
     )
-    parser.add_argument("--quick", action="store_true", help=f"{QUICK_SETS} image sets: shows that it runs")
-    parser.add_argument("--json", metavar="FILE", help="also write the figures to this file")
     parser.add_argument("--cache", type=Path, default=Path("out/synthetic"), help="folder of recordings (default: %(default)s)")
     return parser.parse_args(arguments)
 

@@ -12,7 +12,6 @@ that which it does, ``of_memory`` the same with the roof of memory. Kernels get 
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import sys
 import time
@@ -30,6 +29,7 @@ from matplotlib.figure import Figure
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
 
 from benchmark import _reference
+from benchmark._arguments import parser_of
 from benchmark.color._scene import make_scene
 from benchmark.color.score import AMBIENT, MASK_PIXELS, SUN, Drawing, zoomed
 from benchmark.contour._runs import DEFAULT_CACHE, configured, print_circumstances
@@ -319,12 +319,11 @@ def draw_picture(metrics: dict[str, float], path: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example:\n  python benchmark/roofline.py --quick --json out/benchmark/roofline.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="a tenth of a second for each kernel instead of one")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+    parser = parser_of(
+        __doc__,
+        "python benchmark/roofline.py --quick --json out/benchmark/roofline.json",
+        "a tenth of a second for each kernel instead of one",
+    )
     parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="where recordings are kept (default: %(default)s)")
     parser.add_argument("--page", action="store_true", help="write docs/roofline.md and its picture")
     args = parser.parse_args(arguments)

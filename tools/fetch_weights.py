@@ -4,7 +4,7 @@
 """
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.pose_weights import pose_weights
+from tracker_node.loaders.fetched_files import pose_weights
 
 if __name__ == "__main__":
     try:

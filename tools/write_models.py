@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tracker_node.experiments.cross.throw import yellow_stick
 from tracker_node.loaders.model.model_yaml import dump_model
-from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
+from tracker_node.model.humans.segments18 import ellipsoid_human, nurbs_human
 
 FOLDER = Path(__file__).resolve().parents[1] / "config" / "models"
 BODY = """18 segments, 17 ball joints, 57 variables: the body of Trewartha, Yeadon & Knight (Colour based rigid body tracking
@@ -19,7 +19,7 @@ COMMENTS = {
 Written by tools/write_models.py; tracker_node/model/humans/segments18.py explains the numbers.""",
     ellipsoid_human: f"""ellipsoid_human, a man of 1.81 m.
 {BODY}Each ellipsoid has the center and the second moments of the segment of nurbs_human; docs/bodies.md says how they differ.
-Written by tools/write_models.py from tracker_node/model/humans/surfaces18.py.""",
+Written by tools/write_models.py from tracker_node/model/humans/segments18.py.""",
     yellow_stick: """The YellowStick of Trewartha, Yeadon & Knight: a bright yellow cross of two wooden prisms. The paper gives no
 dimensions; these are ours, with four unequal arms so that its pose is unique (tracker_node/experiments/cross/throw.py).
 Units: meters. Format: docs/formats.md. Written by tools/write_models.py.""",

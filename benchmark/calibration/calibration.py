@@ -19,6 +19,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.calibration._boards import board_section, synthetic_rig_section
 from benchmark.calibration._dlt import dlt_section
 from benchmark.calibration._time import balancing_section, offset_section
@@ -48,10 +49,8 @@ def main() -> int:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__, "", "fewer trials; without the section offset, unless it is asked for")
     parser.add_argument("--only", nargs="+", choices=list(sections(False)), help="these sections (default: all)")
-    parser.add_argument("--quick", action="store_true", help="fewer trials; without the section offset, unless it is asked for")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here too")
     return parser.parse_args()
 
 

@@ -9,7 +9,6 @@ named where the doctor tells it, of the right cameras; ``doctor.named`` is of th
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 from dataclasses import replace
@@ -30,6 +29,7 @@ from tracker_node.synthesis.scenes.scene import SceneConfig
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.calibration._planted_faults import PLANTED, Clip
 
 OUTPUT = Path("out/doctor")
@@ -87,15 +87,14 @@ def _say(told: tuple[Finding, ...], right: list[Finding]) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example: python benchmark/calibration/doctor.py --json out/doctor.json",
-    )  # fmt: skip
+    parser = parser_of(
+        __doc__,
+        "python benchmark/calibration/doctor.py --json out/doctor.json",
+        "one rendered clip and three faults: shows that it runs",
+    )
     every = [*dict.fromkeys((*FAULTY, *CLEAN, *(IF_THERE if "TRACKER_SHARED_DATA" in os.environ else ())))]
     parser.add_argument("--clips", nargs="+", default=every, metavar="NAME", help="only these")
     parser.add_argument("--faults", nargs="+", default=list(PLANTED), choices=list(PLANTED), metavar="FAULT", help="only these")
-    parser.add_argument("--quick", action="store_true", help="one rendered clip and three faults: shows that it runs")
-    parser.add_argument("--json", metavar="FILE", help="write the figures as JSON")
     args = parser.parse_args(arguments)
     quick = ["swing"], ["wrong_resolution", "swapped_cameras", "clock_offset"]
     clips, faults = quick if args.quick else (args.clips, args.faults)

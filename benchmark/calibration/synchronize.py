@@ -12,7 +12,6 @@ Errors are of each camera against the mean of the others: root of the mean squar
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Callable
@@ -25,6 +24,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.calibration._time import FREE, record_free_running
 from benchmark.contour._runs import print_circumstances
 from tracker_node.camera.model import CameraModel
@@ -238,12 +238,9 @@ def measure(seeds: int, motion: bool = True) -> dict[str, float | int]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example:\n  python benchmark/calibration/synchronize.py --quick --json out/benchmark/synchronize.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="fewer seeds")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+    parser = parser_of(
+        __doc__, "python benchmark/calibration/synchronize.py --quick --json out/benchmark/synchronize.json", "fewer seeds"
+    )
     args = parser.parse_args(arguments)
     metrics = measure(SEEDS["quick" if args.quick else "full"])
     print_circumstances()

@@ -2,14 +2,14 @@
 
     python -m benchmark.clothed._fit DRAWN/clip_1 ... DRAWN/clip_8
 
-prints the rows of `tracker_node.model.humans.keypoints.BLAZEPOSE` and of `tracker_node.model.humans.surfaces`, means and
+prints the rows of `tracker_node.model.humans.keypoints.BLAZEPOSE` and of `tracker_node.model.clothes`, means and
 standard deviations over the clips and both sides, of a body of the default size; how a skeleton's bones are guessed
 (`GUESSED_BONES`), and knees marked by the proportions of legs; and the spread of heat maps beside that of errors, which
 `observation.keypoints.blazepose` is calibrated by. Clips that anything is judged on have no part in it.
 
     python -m benchmark.clothed._fit --lengths LENGTHS.csv
 
-prints those of `tracker_node.model.proportions`, of the people that ``person/_write_bodies.py --lengths`` has drawn.
+prints those of `tracker_node.model.shape_parameters`, of the people that ``person/_write_bodies.py --lengths`` has drawn.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import ClothedClip, load_clip
 from benchmark.clothed._runs import TOGETHER, settings
 from tracker_node.calibration.pose import fit_state_to_landmarks
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.loaders.model.model_yaml import load_model
-from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE, GUESSED_BONES, leg_ratio, relative_size
@@ -185,7 +185,7 @@ def proportions(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def print_proportions(path: Path) -> None:
-    """Print the table of a file of lengths, as `tracker_node.model.proportions` has it."""
+    """Print the table of a file of lengths, as `tracker_node.model.shape_parameters` has it."""
     means, slopes, covariance = proportions(np.loadtxt(path, delimiter=",", skiprows=1))
     for name, values in (("_MEANS", means), ("_SLOPES", slopes)):
         print(f"{name} = np.array([{', '.join(f'{value:.3f}' for value in values)}])")

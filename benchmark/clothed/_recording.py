@@ -15,7 +15,7 @@ from tracker_node.calibration.body import scale_to_trial, targets_of
 from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import FileFormatError, SourceError
-from tracker_node.evaluation.truth.states import LIMBS, PAIRED, SIDES
+from tracker_node.evaluation.truth.files import LIMBS, PAIRED, SIDES
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.articulated import ArticulatedModel

@@ -34,6 +34,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.clothed._disturbed import Decisions, disturbed_runs
 from benchmark.clothed._judged import (
@@ -62,7 +63,7 @@ from benchmark.clothed._runs import (
 from benchmark.clothed._starts import Trial, starts
 from benchmark.contour._runs import WARM_UP, print_circumstances
 from tracker_node.errors import SourceError, TrackerError
-from tracker_node.loaders.pose_weights import pose_weights
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.observation.keypoints.blazepose import BlazePoseFiles
 from tracker_node.report.metrics_file import report_metrics
 
@@ -248,14 +249,12 @@ def print_table(found: Found) -> None:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        epilog="example:\n  OMP_NUM_THREADS=1 python benchmark/clothed/clothed.py --only --clips out/clothed/clip_1",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__,
+        "OMP_NUM_THREADS=1 python benchmark/clothed/clothed.py --only --clips out/clothed/clip_1",
+        "fewer disturbed runs and starts, contours alone on two clips",
     )
     add = parser.add_argument
-    add("--quick", action="store_true", help="fewer disturbed runs and starts, contours alone on two clips")
-    add("--json", type=Path, metavar="FILE", help="write the figures there")
     add("--clips", nargs="+", type=Path, metavar="FOLDER", help="these clips")
     add("--only", nargs="*", choices=PARTS, default=PARTS, metavar="PART", help=f"beside points: {', '.join(PARTS)}")
     add("--drawn", type=Path, default=Path("out/clothed"), metavar="FOLDER", help="of clip_1 to clip_8 (default: %(default)s)")

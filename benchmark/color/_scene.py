@@ -12,7 +12,7 @@ from tracker_node.experiments.somersault.scene import rigid_body, somersault_rig
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.synthesis.scenes.room import cluttered_background
 
 POSTURE_DEG = {

@@ -10,7 +10,6 @@ ray-caster. ``score.fused_one_camera_ms`` is one score of one camera on one thre
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
@@ -32,6 +31,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.color._scene import ColorScene, make_scene
 
@@ -130,12 +130,9 @@ def measure(rounds: int) -> dict[str, float]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example: python benchmark/color/against_pyrender.py --json out/color_pyrender.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="ten rounds instead of a hundred")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
+    parser = parser_of(
+        __doc__, "python benchmark/color/against_pyrender.py --json out/color_pyrender.json", "ten rounds instead of a hundred"
+    )
     args = parser.parse_args(arguments)
     metrics = measure(10 if args.quick else 100)
     report_metrics(metrics, args.json)

@@ -9,7 +9,6 @@ before cluttered rooms with noise (``basin.cluttered.*``), in images drawn by an
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.color._fits import Contestant, contestants
 from benchmark.color._scene import ColorScene, displaced, make_scene, root_error
 
@@ -53,13 +53,10 @@ def measure(
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example: python benchmark/color/basin.py --json out/color_basin.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="a few starts only: shows that it runs")
+    parser = parser_of(
+        __doc__, "python benchmark/color/basin.py --json out/color_basin.json", "a few starts only: shows that it runs"
+    )
     parser.add_argument("--trials", type=int, default=66, help="starts of each kind (%(default)s)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     args = parser.parse_args(arguments)
     n_states, trials, errors = (2, 4, (TARGET,)) if args.quick else (N_STATES, args.trials, START_ERRORS)
     metrics: dict[str, float] = {"basin.trials": trials}

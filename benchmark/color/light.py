@@ -10,7 +10,6 @@ they are; ``gained``: in each camera's best gain, in closed form (`objective.gai
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.color._scene import ColorScene, displaced, make_scene, root_error
 from benchmark.color.basin import ARRIVED_DEG, ARRIVED_MM, N_STATES
 from tracker_node.objective.color.alignment import PhotometricObjective, PhotometricOptions
@@ -73,12 +73,9 @@ def measure(prefix: str, scene: ColorScene, trials: int, ways: Sequence[str]) ->
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example: python benchmark/color/light.py --json out/color_light.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="a few starts only: shows that it runs")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+    parser = parser_of(
+        __doc__, "python benchmark/color/light.py --json out/color_light.json", "a few starts only: shows that it runs"
+    )
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS), metavar="WAY", help=f"of {', '.join(WAYS)}")
     args = parser.parse_args(arguments)
     trials, states = (2, 2) if args.quick else (2 * N_STATES, N_STATES)

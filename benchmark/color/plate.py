@@ -38,6 +38,7 @@ from tracker_node.tracking.tracker import Tracker
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark._charuco import COLUMNS, DICTIONARY, MARKER_SHARE, ROWS, SQUARE_M, CharucoReference
 
 FOLDER = "caliscope_board/post_optimization"
@@ -177,9 +178,7 @@ def write_pictures(folder: Path, recording: Recording, model: ArticulatedModel, 
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="fewer jumps")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here too")
+    parser = parser_of(__doc__, "", "fewer jumps")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="write contact sheets here")
     return parser.parse_args()
 

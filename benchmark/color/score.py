@@ -9,7 +9,6 @@ alone, from the state to the part in front at each pixel and its depth, in the s
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Callable
@@ -33,6 +32,7 @@ from tracker_node.report.metrics_file import cpu, report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.color._scene import ColorScene, make_scene
 
@@ -195,13 +195,7 @@ def measure(repeats: int) -> dict[str, float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        epilog="example:\n  benchmark/color/score.py --json out/benchmark/color_score.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--quick", action="store_true", help="fewer repetitions")
-    parser.add_argument("--json", metavar="FILE", help="also write the figures to FILE")
+    parser = parser_of(__doc__, "benchmark/color/score.py --json out/benchmark/color_score.json", "fewer repetitions")
     args = parser.parse_args()
     metrics = measure(50 if args.quick else 1000)
     report_metrics(metrics, args.json)

@@ -8,7 +8,6 @@ in its early loops, ``stepping_published`` at all of them; the images are drawn 
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from pathlib import Path
@@ -20,6 +19,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.color._fits import contestants
 from benchmark.color._scene import ColorScene, displaced, make_scene, root_error
@@ -70,13 +70,10 @@ def _mask_pixels(scene: ColorScene) -> float:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example: python benchmark/color/step.py --json out/color_step.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="a few image sets only: shows that it runs")
+    parser = parser_of(
+        __doc__, "python benchmark/color/step.py --json out/color_step.json", "a few image sets only: shows that it runs"
+    )
     parser.add_argument("--trials", type=int, default=110, help="image sets for each optimizer (%(default)s)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     args = parser.parse_args(arguments)
     metrics = measure(make_scene(2), 4) if args.quick else measure(make_scene(N_STATES), args.trials)
     report_metrics(metrics, args.json)

@@ -14,13 +14,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import FileFormatError, SourceError
 from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
 from tracker_node.evaluation.metrics import LOST_LIMB_M
-from tracker_node.evaluation.truth.files import load_truth
-from tracker_node.evaluation.truth.states import LIMBS
+from tracker_node.evaluation.truth.files import LIMBS, load_truth
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -166,15 +166,16 @@ def time_figures(run: Run, config: TrackerConfig, name: str) -> dict[str, float 
     return {f"{name}.{key}": value for key, value in figures.items()}
 
 
-def add_common_arguments(parser: argparse.ArgumentParser, names: Sequence[str] = ()) -> None:
-    parser.add_argument("--quick", action="store_true", help="fewer image sets")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+def clip_parser(doc: str | None, example: str, names: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """The options of programs that track clips; ``names`` are what ``--only`` may have."""
+    parser = parser_of(doc, example, "fewer image sets")
     if names:
         parser.add_argument("--only", nargs="+", metavar="NAME", choices=names, help=f"of {', '.join(names)}")
     parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="where recordings are kept (default: %(default)s)")
     parser.add_argument(
         "--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1"
     )
+    return parser
 
 
 def configured(changes: Sequence[str], **values) -> TrackerConfig:

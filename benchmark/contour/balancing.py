@@ -31,13 +31,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.contour._balancing_clip import Clip, Run, judge, load_clip, silhouettes, track
 from benchmark.contour._runs import setting
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import ErrorSeries, Evaluation
 from tracker_node.evaluation.metrics import LOST_JOINT_M
-from tracker_node.evaluation.truth.states import EVALUATED_JOINTS
+from tracker_node.evaluation.truth.files import EVALUATED_JOINTS
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import CameraImage, ImageSet
@@ -281,13 +282,12 @@ def _show_details(result: Evaluation) -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        epilog="example:\n  python benchmark/contour/balancing.py --only balancing --set modalities=region --details",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__,
+        "python benchmark/contour/balancing.py --only balancing --set modalities=region --details",
+        "20 image sets, 5 starts",
     )
     add = parser.add_argument
-    add("--quick", action="store_true", help="20 image sets, 5 starts")
     add("--only", nargs="+", choices=PARTS, metavar="PART", help=f"only these of {' '.join(PARTS)}")
     add("--sets", type=int, metavar="N", help="only the first N image sets")
     add("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters, e.g. chamfer.max_iterations=8")
@@ -301,7 +301,6 @@ def _arguments() -> argparse.Namespace:
     add("--pictures", type=Path, metavar="FOLDER", help="write contact sheets here")
     add("--sample", type=Path, default=Path("out/demo/sample"), metavar="FOLDER", help="made if it is not there")
     add("--cache", type=Path, default=Path("out/benchmark/balancing"), metavar="FOLDER", help="decoded images, 630 MB")
-    add("--json", metavar="FILE", help="write the figures here too")
     return parser.parse_args()
 
 

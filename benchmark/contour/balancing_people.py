@@ -23,6 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from benchmark._arguments import parser_of
 from benchmark.clothed._judged import SIGMAS
 from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._runs import limbs_of
@@ -32,7 +33,7 @@ from benchmark.contour.balancing import CONFIG, LAG_IMAGES, TWO_CAMERAS, configu
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.evaluate import Evaluation
 from tracker_node.evaluation.metrics import LOST_LIMB_M
-from tracker_node.loaders.pose_weights import pose_weights
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.model.clothes import with_surfaces
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
@@ -156,14 +157,12 @@ class Alone:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        epilog="example:\n  OMP_NUM_THREADS=1 python benchmark/contour/balancing_people.py --json out/balancing_people.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__,
+        "OMP_NUM_THREADS=1 python benchmark/contour/balancing_people.py --json out/balancing_people.json",
+        "the same: it takes two minutes",
     )
     add = parser.add_argument
-    add("--quick", action="store_true", help="the same: it takes two minutes")
-    add("--json", type=Path, metavar="FILE", help="write the figures there")
     add("--sample", type=Path, default=Path("out/demo/sample"), metavar="FOLDER", help="of the clip (default: %(default)s)")
     add("--output", type=Path, default=Path("out/benchmark/balancing"), metavar="FOLDER", help="of what is kept")
     return parser.parse_args(arguments)

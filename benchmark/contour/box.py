@@ -19,6 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from benchmark._arguments import parser_of
 from benchmark.contour._runs import RATE_HZ, Clip, Run, configured, image_set, print_circumstances, time_figures, track
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
@@ -179,12 +180,11 @@ def write_pictures(folder: Path, sets: list[ImageSet]) -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="example:\n  python benchmark/contour/box.py --quick --json out/benchmark/contour_box.json",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="few image sets: shows that it runs")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+    parser = parser_of(
+        __doc__,
+        "python benchmark/contour/box.py --quick --json out/benchmark/contour_box.json",
+        "few image sets: shows that it runs",
+    )
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=CAMERAS, help=f"of {', '.join(CAMERAS)}")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="write two image sets there")
     parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the tracker, e.g. threads=1")

@@ -24,7 +24,7 @@ from benchmark.contour._runs import (
     SCENE,
     Clip,
     accuracy_figures,
-    add_common_arguments,
+    clip_parser,
     configured,
     image_set,
     judged,
@@ -74,12 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/contour/figure.py --only figure basin --set threads=1",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_common_arguments(parser, [*RUNS, "basin"])
+    parser = clip_parser(__doc__, "python benchmark/contour/figure.py --only figure basin --set threads=1", [*RUNS, "basin"])
     parser.add_argument("--basins", nargs="+", choices=BASINS, help="only these starts of the basin")
     parser.add_argument("--trials", type=int, metavar="N", help="trials of each start")
     return parser.parse_args(arguments)

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmark.contour._fitted_body import fitted_body, with_body
 from benchmark.contour._runs import (
     Run,
-    add_common_arguments,
+    clip_parser,
     configured,
     judged,
     print_circumstances,
@@ -70,12 +70,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/contour/long_run.py --set modalities=region --json out/benchmark/long_run.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = clip_parser(
+        __doc__, "python benchmark/contour/long_run.py --set modalities=region --json out/benchmark/long_run.json", [LONG_RUN]
     )
-    add_common_arguments(parser, [LONG_RUN])
     parser.add_argument("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
     parser.add_argument("--images", type=int, metavar="N", help=f"image sets of the recording (default: {LONG_RUN_IMAGES})")
     parser.add_argument("--room", action="store_true", help="a furnished room, with backgrounds")

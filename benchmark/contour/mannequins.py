@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmark.contour._fitted_body import fitted_body, with_body
 from benchmark.contour._runs import (
     SCENE,
-    add_common_arguments,
+    clip_parser,
     configured,
     judged,
     print_circumstances,
@@ -71,12 +71,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/contour/mannequins.py --only walk --set modalities=region",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_common_arguments(parser, CLIPS)
+    parser = clip_parser(__doc__, "python benchmark/contour/mannequins.py --only walk --set modalities=region", CLIPS)
     parser.add_argument("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
     parser.add_argument("--scaled", action="store_true", help="the body as scaled by the T-pose, not fitted to images")
     parser.add_argument("--body", type=Path, metavar="FILE", help="this body instead of fitting one")

@@ -21,6 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from benchmark._arguments import parser_of
 from benchmark.color.articulated import recording
 from benchmark.contour._runs import RATE_HZ, Clip, recorded
 from benchmark.contour.figure import FIGURE_SCENE
@@ -153,16 +154,14 @@ def outcome(told: list[tuple], camera: str, kind: str) -> Outcome:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__, "", "only the first camera of each clip")
     add = parser.add_argument
-    add("--quick", action="store_true", help="only the first camera of each clip")
     add("--only", nargs="+", metavar="CLIP", help=f"figure, or captured clips (default: {' '.join(CLIPS)})")
     add("--sets", type=int, metavar="N", help="only the first N image sets")
     add("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters, e.g. self_check.window_s=3")
     add("--backgrounds", action="store_true", help="use the images of the background")
     add("--cache", type=Path, default=Path("out/synthetic"), metavar="FOLDER", help="recordings (default: %(default)s)")
     add("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
-    add("--json", metavar="FILE", help="write the figures here too")
     return parser.parse_args()
 
 

@@ -28,12 +28,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark.contour import _balancing_clip as balancing
-from benchmark.contour._runs import SCENE, add_common_arguments, configured, print_circumstances, recorded
+from benchmark.contour._runs import SCENE, clip_parser, configured, print_circumstances, recorded
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.truth.association import Trajectories, truth_at
-from tracker_node.evaluation.truth.files import load_truth
-from tracker_node.evaluation.truth.states import EVALUATED_JOINTS
+from tracker_node.evaluation.truth.files import EVALUATED_JOINTS, load_truth
 from tracker_node.loaders.images.source import load_backgrounds
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
@@ -78,12 +77,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/contour/start.py --only balancing --set modalities=region",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_common_arguments(parser, CLIPS)
+    parser = clip_parser(__doc__, "python benchmark/contour/start.py --only balancing --set modalities=region", CLIPS)
     parser.add_argument("--trials", type=int, metavar="N", help="random first images of each clip")
     parser.add_argument("--processes", type=int, default=1, metavar="N", help="trials side by side (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the first images (default: %(default)s)")

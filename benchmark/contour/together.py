@@ -17,6 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from benchmark._arguments import parser_of
 from benchmark.color.articulated import CLIPS, DEFAULT_CACHE, recording
 from benchmark.contour._runs import Clip, judged, track
 from tracker_node.errors import TrackerError
@@ -66,16 +67,14 @@ def measure(clip: Clip, name: str, args: argparse.Namespace) -> dict[str, float 
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__, "", "the walk alone")
     add = parser.add_argument
-    add("--quick", action="store_true", help="the walk alone")
     add("--only", nargs="+", metavar="CLIP", help="only these clips, e.g. walk dance_a")
     add("--sets", type=int, metavar="N", help="only the first N image sets")
     add("--contours", choices=("chamfer", "region"), default="region", help="their modality (default: %(default)s)")
     add("--backgrounds", action="store_true", help="use the images of the background")
     add("--cache", type=Path, default=DEFAULT_CACHE, metavar="FOLDER", help="recordings (default: %(default)s)")
     add("--motions", default=default_motions(), metavar="FOLDER", help="captured clips (default: %(default)s)")
-    add("--json", metavar="FILE", help="write the figures here too")
     return parser.parse_args()
 
 

@@ -26,12 +26,12 @@ from tracker_node.cli.sample import prepare
 from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import load_truth
+from tracker_node.loaders.fetched_files import Member, Wheel, fetch
 from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.rig.qualisys_xml import load_qualisys
 from tracker_node.loaders.rig.rig_yaml import RigFile, build_rig, rig_file_of
-from tracker_node.loaders.sample_files import Member, Wheel, fetch
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model

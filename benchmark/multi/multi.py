@@ -27,6 +27,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from benchmark._arguments import parser_of
 from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import ENDS
 from benchmark.clothed._runs import joints_of
@@ -40,7 +41,7 @@ from benchmark.multi._real_clip import LAG_IMAGES, TwoPeople, load_two_people
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics import intersection_over_union, lost_limbs
-from tracker_node.loaders.pose_weights import pose_weights
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.model.clothes import with_surfaces
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet
@@ -260,16 +261,11 @@ def _swaps(both: Mapping[str, Sequence[TrackEstimate]], true_man: Sequence[Track
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, epilog="example:\n  OMP_NUM_THREADS=1 python benchmark/multi/multi.py --json out/multi.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    parser = parser_of(__doc__, "OMP_NUM_THREADS=1 python benchmark/multi/multi.py --json out/multi.json", "one rendered clip")
     add = parser.add_argument
-    add("--quick", action="store_true", help="one rendered clip")
     add("--only", choices=("real", "crossing"), help="only this recording")
     add("--seeds", nargs="+", type=int, metavar="N", help="of rendered clips")
     add("--picture", type=Path, metavar="FILE", help="write the first rendered clip with both people there (JPEG)")
-    add("--json", type=Path, metavar="FILE", help="write the figures there")
     add("--sample", type=Path, default=Path("out/demo/sample"), metavar="FOLDER", help="of the clip (default: %(default)s)")
     add("--output", type=Path, default=Path("out/benchmark/multi"), metavar="FOLDER", help="of what is kept")
     return parser.parse_args(arguments)

@@ -24,6 +24,7 @@ from tracker_node.synthesis.recording import Request, produce, show_progress
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.contour.accuracy import DEFAULT_CACHE
 
 N_IMAGES = 30  # the quick cones of contour_accuracy.py
@@ -57,13 +58,11 @@ def main() -> int:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/ros/demo.py --quick --json out/benchmark/demo.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__,
+        "python benchmark/ros/demo.py --quick --json out/benchmark/demo.json",
+        "a rendered clip through the pipeline instead of the demo",
     )
-    parser.add_argument("--quick", action="store_true", help="a rendered clip through the pipeline instead of the demo")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
     parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="where recordings are kept (default: %(default)s)")
     return parser.parse_args()
 

@@ -33,6 +33,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.ros.transport import cpu_s, wait_until
 
 WIDTH, HEIGHT, RATE_HZ, N_CAMERAS = 1920, 1080, 30.0, 4
@@ -190,13 +191,11 @@ def receive(rig_file: str, result_file: str, ready_file: str) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/ros/ingest.py --quick --json out/benchmark/ingest.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__,
+        "python benchmark/ros/ingest.py --quick --json out/benchmark/ingest.json",
+        f"{SECONDS['quick']:g} s instead of {SECONDS['full']:g}",
     )
-    parser.add_argument("--quick", action="store_true", help=f"{SECONDS['quick']:g} s instead of {SECONDS['full']:g}")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
     parser.add_argument(
         "--cache", type=Path, default=Path("out/benchmark/ingest"), help="where the videos are kept (%(default)s)"
     )

@@ -10,7 +10,6 @@ first seconds, in which the tracker loads its code and finds its first pose, are
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import sys
@@ -34,7 +33,7 @@ from tracker_node.tracking.estimate import Status
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
-from benchmark.contour._runs import Clip, add_common_arguments, configured, print_circumstances, recorded
+from benchmark.contour._runs import Clip, clip_parser, configured, print_circumstances, recorded
 from benchmark.ros.transport import cpu_s, wait_until
 
 N_IMAGES = 30  # the quick cones of contour_accuracy.py
@@ -46,12 +45,7 @@ LAST_STATES_S = 1.0
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/ros/live.py --quick --set threads=2 --json out/benchmark/live.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_common_arguments(parser)
+    parser = clip_parser(__doc__, "python benchmark/ros/live.py --quick --set threads=2 --json out/benchmark/live.json")
     parser.add_argument("--rate", type=int, default=int(RATE_HZ), metavar="HZ", help="of the images (default: %(default)s)")
     parser.add_argument("--composed", action="store_true", help="ingest and tracker in one process")
     parser.add_argument("--both", action="store_true", help="first apart, then composed")

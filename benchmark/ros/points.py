@@ -9,7 +9,6 @@ state of its stamp has come.
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import tempfile
@@ -38,7 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 from benchmark.clothed._clip import write_clip
 from benchmark.clothed._staging import Sources, set_stage
 from benchmark.clothed.person._body import MANNEQUIN
-from benchmark.contour._runs import Clip, add_common_arguments, configured, print_circumstances
+from benchmark.contour._runs import Clip, clip_parser, configured, print_circumstances
 from benchmark.ros.live import LAST_STATES_S, RATE_HZ, SETTLE_S, _quiet, _stamp_ns, live_figures, there_and_back
 from benchmark.ros.transport import cpu_s, wait_until
 
@@ -48,12 +47,7 @@ PATIENCE_S = 180.0  # the tracker may have to compile
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/ros/points.py --quick --json out/benchmark/points.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_common_arguments(parser)
+    parser = clip_parser(__doc__, "python benchmark/ros/points.py --quick --json out/benchmark/points.json")
     parser.add_argument("--seconds", type=float, metavar="S", help=f"to judge (default: {SECONDS['full']:g})")
     parser.add_argument("--clip", type=Path, metavar="FOLDER", help="rig.yaml, static.trc, truth.trc (default: one is drawn)")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="of the network that finds points (default: full)")

@@ -12,7 +12,6 @@ again nothing is changed, for comparison.
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import tempfile
@@ -30,7 +29,7 @@ from tracker_node.tracking.config import TrackerConfig
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
-from benchmark.contour._runs import Clip, add_common_arguments, configured, print_circumstances, recorded
+from benchmark.contour._runs import Clip, clip_parser, configured, print_circumstances, recorded
 from benchmark.ros.live import N_IMAGES, PATIENCE_S, RATE_HZ, there_and_back
 from benchmark.ros.transport import wait_until
 
@@ -39,12 +38,7 @@ SETTLED_SETS, AFTER_S = 30, 2.0
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/ros/reconfigure.py --quick --json out/benchmark/reconfigure.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_common_arguments(parser)
+    parser = clip_parser(__doc__, "python benchmark/ros/reconfigure.py --quick --json out/benchmark/reconfigure.json")
     parser.add_argument("--composed", action="store_true", help="cameras and tracker in one process")
     args = parser.parse_args(arguments)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

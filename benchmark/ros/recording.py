@@ -9,7 +9,6 @@ figure is the worst of all topics and kills.
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import signal
@@ -22,6 +21,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.ros.recorder._runs import kill, record, streams
 from benchmark.ros.transport import N_CAMERAS
 
@@ -58,10 +58,8 @@ def measure(folder: Path, effort: str) -> dict[str, float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help=f"{SECONDS['quick']:g} s instead of {SECONDS['full']:g} s")
+    parser = parser_of(__doc__, "", f"{SECONDS['quick']:g} s instead of {SECONDS['full']:g} s")
     parser.add_argument("--folder", type=Path, help="where to write (up to 12 GB; default: the folder for temporary files)")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
     args = parser.parse_args()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the folder is removed

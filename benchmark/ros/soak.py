@@ -15,7 +15,6 @@ Exit status 1 when image sets are lost, unaccounted or not recorded. Ctrl-C ends
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import sys
@@ -38,6 +37,7 @@ from tracker_node.tracking.config import TrackerConfig
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.contour._runs import DEFAULT_CACHE, Clip, configured, print_circumstances, recorded
 from benchmark.ros.live import N_IMAGES, there_and_back
 from benchmark.ros.transport import wait_until
@@ -307,15 +307,11 @@ def _unaccounted(values: dict[str, str]) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        epilog="example:\n  python benchmark/ros/soak.py --minutes 60 --set threads=2 --json out/benchmark/soak.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__, "python benchmark/ros/soak.py --minutes 60 --set threads=2 --json out/benchmark/soak.json", "one minute"
     )
     parser.add_argument("--minutes", type=float, metavar="N", help=f"how long (default: {MINUTES:g}, one with --quick)")
     parser.add_argument("--rate", type=float, default=RATE_HZ, metavar="HZ", help="images per second (default: %(default)g)")
-    parser.add_argument("--quick", action="store_true", help="one minute")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="where recordings are kept (default: %(default)s)")
     parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker")
     args = parser.parse_args(arguments)

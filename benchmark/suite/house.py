@@ -27,6 +27,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.contour._runs import print_circumstances
 from tools.check_docstrings import overriding
 
@@ -151,13 +152,9 @@ def import_times_s(modules: tuple[str, ...], starts: int) -> list[float]:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/suite/house.py --json out/benchmark/house.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__, "python benchmark/suite/house.py --json out/benchmark/house.json", f"{QUICK_STARTS} starts instead of {STARTS}"
     )
-    parser.add_argument("--quick", action="store_true", help=f"{QUICK_STARTS} starts instead of {STARTS}")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures there")
     return parser.parse_args(arguments)
 
 

@@ -25,6 +25,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.suite._equivalent_mutants import EQUIVALENT
 from benchmark.suite._mutant_runs import BROKEN, COMPILING_S, SURVIVED, brought_up_to_date, tree, workers
 from benchmark.suite._mutant_tasks import measured_file, tasks_of
@@ -200,13 +201,11 @@ def _tell(results: list[Result]) -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/suite/mutants.py --only optimize/levenberg_marquardt --each 20 --seed 3",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__,
+        "python benchmark/suite/mutants.py --only optimize/levenberg_marquardt --each 20 --seed 3",
+        "three faults of each of 20 modules instead of seven of each of 33",
     )
-    parser.add_argument("--quick", action="store_true", help="three faults of each of 20 modules instead of seven of each of 33")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
     parser.add_argument("--seed", type=int, default=SEED, help="which faults, and which other modules (default: %(default)s)")
     parser.add_argument("--only", nargs="+", metavar="TEXT", help="modules whose path has this in it, instead of all")
     parser.add_argument("--each", type=int, metavar="N", help="faults of each module")

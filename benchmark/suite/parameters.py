@@ -22,6 +22,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.contour._runs import print_circumstances
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,13 +87,9 @@ def exempt_parameters(file: Path = ROOT / FILE) -> int:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/suite/parameters.py --json out/benchmark/parameters.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__, "python benchmark/suite/parameters.py --json out/benchmark/parameters.json", f"every {QUICK_STEP}th parameter"
     )
-    parser.add_argument("--quick", action="store_true", help=f"every {QUICK_STEP}th parameter")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures there")
     return parser.parse_args(arguments)
 
 

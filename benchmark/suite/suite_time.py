@@ -21,6 +21,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.contour._runs import print_circumstances
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,14 +64,10 @@ def environment() -> dict[str, str]:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/suite/suite_time.py --json out/benchmark/suite_time.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__, "python benchmark/suite/suite_time.py --json out/benchmark/suite_time.json", "one folder of tests, in this tree"
     )
-    parser.add_argument("--quick", action="store_true", help="one folder of tests, in this tree")
     parser.add_argument("--work", type=Path, metavar="FOLDER", help="where the clone is made; default: the temporary folder")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures there")
     return parser.parse_args(arguments)
 
 

@@ -33,6 +33,7 @@ from tracker_node.tracking.estimate import LimbStatus, Status
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
+from benchmark._arguments import parser_of
 from benchmark.trust._clips import record
 from benchmark.trust._consistency import Consistency, consistency
 from benchmark.trust._fit import coefficients, covariance_factor
@@ -63,13 +64,11 @@ def main() -> int:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/trust/trust.py --quick --json out/benchmark/contour_trust.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__,
+        "python benchmark/trust/trust.py --quick --json out/benchmark/contour_trust.json",
+        "fewer clips: too few for the definitions",
     )
-    parser.add_argument("--quick", action="store_true", help="fewer clips: too few for the definitions")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
     parser.add_argument("--modalities", nargs="+", default=["region"], choices=("chamfer", "region"), help="default: region")
     add = parser.add_argument
     add("--fit", action="store_true", help="print what limb_status.py and the configuration hold, from the other clips")

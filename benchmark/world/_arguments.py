@@ -11,6 +11,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
+from benchmark._arguments import parser_of
 from benchmark.contour._runs import configured, print_circumstances
 from tracker_node.errors import TrackerError
 from tracker_node.observation.image_set import ImageSet
@@ -21,14 +22,9 @@ Run = TypeVar("Run")
 Figures = dict[str, float | int]
 
 
-def parser_of(doc: str, example: str, names: Iterable[str] = ()) -> argparse.ArgumentParser:
+def seeded_parser(doc: str | None, example: str, names: Iterable[str] = ()) -> argparse.ArgumentParser:
     """The options that all have; ``example`` follows the folder, ``names`` are what ``--only`` may have."""
-    epilog = f"example:\n  python benchmark/world/{example}"
-    parser = argparse.ArgumentParser(
-        description=doc.splitlines()[0], epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="one seed")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+    parser = parser_of(doc, f"python benchmark/world/{example}", "one seed")
     parser.add_argument("--seeds", nargs="+", type=int, metavar="N", help="of the clips (default: 1 to 5)")
     if names:
         parser.add_argument("--only", nargs="+", metavar="NAME", choices=names, help=f"of {', '.join(names)}")

@@ -27,7 +27,7 @@ from benchmark.contour.box import sensed
 from benchmark.trust._clips import BODIES, SCENE
 from benchmark.trust._lost_events import placed
 from benchmark.trust._runs import tip_errors
-from benchmark.world._arguments import Figures, add_pictures, parser_of, reported, runs_of, seeds_of, write_picture
+from benchmark.world._arguments import Figures, add_pictures, reported, runs_of, seeded_parser, seeds_of, write_picture
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.metrics import LOST_LIMB_M
@@ -194,7 +194,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = parser_of(__doc__, "alarms.py --only bars.figure --seeds 3", (*SCENES, "demo"))
+    parser = seeded_parser(__doc__, "alarms.py --only bars.figure --seeds 3", (*SCENES, "demo"))
     add_pictures(parser)
     return parser.parse_args(arguments)
 

@@ -23,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark.contour.box import box_states, displaced, rig_around
-from benchmark.world._arguments import Figures, add_pictures, parser_of, reported, runs_of, write_picture
+from benchmark.world._arguments import Figures, add_pictures, reported, runs_of, seeded_parser, write_picture
 from benchmark.world.things import (
     FAST,
     SETS,
@@ -184,7 +184,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = parser_of(__doc__, "ambiguity.py --only plate_1cam hidden --seeds 3", CASES)
+    parser = seeded_parser(__doc__, "ambiguity.py --only plate_1cam hidden --seeds 3", CASES)
     add_pictures(parser)
     return parser.parse_args(arguments)
 

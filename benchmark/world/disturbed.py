@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark.clothed._recording import JOINTS, default_folders, load_clip
-from benchmark.contour._runs import add_common_arguments, configured, print_circumstances, recorded
+from benchmark.contour._runs import clip_parser, configured, print_circumstances, recorded
 from benchmark.contour.box import box_model, box_rig, box_states, image_sets
 from benchmark.contour.figure import FIGURE_SCENE, true_states
 from benchmark.contour.self_check import turn_of_pixels
@@ -244,12 +244,9 @@ def add(figures: dict[str, float | int], scene: Scene, name: str, found: dict[st
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0],
-        epilog="example:\n  python benchmark/world/disturbed.py --only light_step frozen --clip out/clothed/clip_318",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = clip_parser(
+        __doc__, "python benchmark/world/disturbed.py --only light_step frozen --clip out/clothed/clip_318", list(DISTURBANCES)
     )
-    add_common_arguments(parser, list(DISTURBANCES))
     what = "of a clothed person (default: jump of TRACKER_SHARED_DATA, or one of draw_clips.py)"
     parser.add_argument("--clip", type=Path, metavar="FOLDER", help=what)
     return parser.parse_args(arguments)

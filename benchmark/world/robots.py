@@ -32,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmark._reference import reference_ms
 from benchmark.contour._runs import RATE_HZ, WARM_UP
 from benchmark.contour.box import displaced, image_sets, rig_around
-from benchmark.world._arguments import Figures, add_pictures, parser_of, reported, runs_of, write_picture
+from benchmark.world._arguments import Figures, add_pictures, reported, runs_of, seeded_parser, write_picture
 from tracker_node.camera.rig import CameraRig
 from tracker_node.geometry import so3
 from tracker_node.loaders.model.urdf import load_urdf
@@ -255,7 +255,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = parser_of(__doc__, "robots.py --only panda ur5 --seeds 3 --pictures out/robots", list(CASES))
+    parser = seeded_parser(__doc__, "robots.py --only panda ur5 --seeds 3 --pictures out/robots", list(CASES))
     add_pictures(parser)
     parser.add_argument("--robots", type=Path, metavar="FOLDER", help="with panda_description and others beside each other")
     return parser.parse_args(arguments)

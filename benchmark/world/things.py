@@ -24,7 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark.contour.box import box_states, displaced, rig_around, sensed
-from benchmark.world._arguments import Figures, add_pictures, parser_of, reported, runs_of, write_picture
+from benchmark.world._arguments import Figures, add_pictures, reported, runs_of, seeded_parser, write_picture
 from benchmark.world._shapes import horned, knot
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
@@ -224,7 +224,7 @@ def summed(name: str, runs: list[dict[str, float | int]]) -> dict[str, float | i
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = parser_of(__doc__, "things.py --only moved_room.carried --seeds 3", SCENES)
+    parser = seeded_parser(__doc__, "things.py --only moved_room.carried --seeds 3", SCENES)
     add_pictures(parser)
     return parser.parse_args(arguments)
 

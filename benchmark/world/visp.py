@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmark.contour._runs import configured, image_set, print_circumstances
 from benchmark.contour.box import box_rig, box_states
-from benchmark.world._arguments import parser_of, seeds_of
+from benchmark.world._arguments import seeded_parser, seeds_of
 from benchmark.world.things import FAST, RIGHT_M, RIGHT_RAD, SETS, Scene, carried_board, drawn_box, drawn_color, rigid, start_of
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
@@ -245,7 +245,7 @@ def compared(name: str, seeds: Sequence[int], program: Path, folder: Path, confi
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = parser_of(__doc__, "visp.py --only box --seeds 3", SCENES)
+    parser = seeded_parser(__doc__, "visp.py --only box --seeds 3", SCENES)
     what = "only the real teabox: the folder tutorial/tracking/model-based/generic-stereo of ViSP's source"
     parser.add_argument("--tutorial", type=Path, metavar="FOLDER", help=what)
     return parser.parse_args(arguments)

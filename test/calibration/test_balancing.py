@@ -8,8 +8,8 @@ import pytest
 
 from benchmark.calibration._time import cap_centers, cap_rms_px
 from tracker_node.calibration import balancing
+from tracker_node.loaders.fetched_files import SAMPLES
 from tracker_node.loaders.rig.rig_yaml import load_rig
-from tracker_node.loaders.sample_files import SAMPLES
 
 
 @pytest.fixture(scope="module")

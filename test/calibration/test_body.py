@@ -20,8 +20,8 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.measures import MARKER_OF_LANDMARK, HumanMeasures
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
-from tracker_node.model.scaling import LinkScale, scaled_by_link, scaled_uniformly
+from tracker_node.model.humans.segments18 import ellipsoid_human
+from tracker_node.model.variants import LinkScale, scaled_by_link, scaled_uniformly
 
 HUMAN = human_model()
 EVALUATED = (

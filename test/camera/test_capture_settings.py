@@ -2,7 +2,7 @@
 
 import pytest
 
-from tracker_node.camera.capture_settings import CaptureSettings
+from tracker_node.camera.rig import CaptureSettings
 
 
 @pytest.mark.parametrize(

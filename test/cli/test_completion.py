@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tracker_node.cli.arguments.verbs import subverbs
 from tracker_node.cli.completion import SHELLS
+from tracker_node.cli.groups import calibrate
 from tracker_node.cli.main import main, verbs
 
 ASK = """
@@ -63,7 +63,7 @@ def test_what_bash_offers(folder, line, offered):
 
 def test_every_verb_and_subverb_is_there(folder):
     assert completed(folder, "tracker_node ") >= set(verbs())
-    assert completed(folder, "tracker_node calibrate ") >= set(subverbs("calibrate"))
+    assert completed(folder, "tracker_node calibrate ") >= {each.name for each in calibrate.SUBVERBS}
     assert completed(folder, "tracker_node completion ") >= set(SHELLS)
 
 

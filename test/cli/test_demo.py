@@ -9,7 +9,7 @@ import pytest
 
 from tracker_node.cli import demo
 from tracker_node.errors import TrackerError
-from tracker_node.loaders import pose_weights
+from tracker_node.loaders import fetched_files
 from tracker_node.loaders.bag.writer import BagExistsError
 from tracker_node.runs.writer import run_of_bag
 
@@ -53,7 +53,7 @@ def finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Demo:
         (tmp_path / name).write_text("{}")
     monkeypatch.setattr(demo, "prepare", lambda folder, fresh: 0)
     monkeypatch.setattr(demo, "run_verb", made.verb)
-    monkeypatch.setattr(pose_weights, "pose_weights", lambda points: None)
+    monkeypatch.setattr(fetched_files, "pose_weights", lambda points: None)
     monkeypatch.setitem(sys.modules, "ai_edge_litert", sys)  # whether it is installed here or not
     return made
 
@@ -93,7 +93,7 @@ def test_without_weights_and_network_contours_alone_are_tracked(
     def unreachable(points: None) -> None:
         raise TrackerError("the weights could not be fetched; put them there")
 
-    monkeypatch.setattr(pose_weights, "pose_weights", unreachable)
+    monkeypatch.setattr(fetched_files, "pose_weights", unreachable)
     assert finished.run() == 0 and len(finished.commands) == 1
     assert "Without points of people, by contours alone: the weights could not be fetched" in capsys.readouterr().out
 

@@ -13,7 +13,6 @@ import pytest
 from helpers.docs.commands import parsed, parser_of
 from helpers.docs.pages import PAGES, commands_of, mentions_of
 from tracker_node.cli import main
-from tracker_node.cli.arguments.verbs import module_of, subverbs
 from tracker_node.cli.main import verbs
 from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.model.model_yaml import load_model
@@ -200,18 +199,20 @@ def test_help_of_every_verb_has_a_description_and_examples_that_parse(verb, caps
         parsed(shlex.split(line)[1:])
 
 
-@pytest.mark.parametrize(("verb", "what"), [(verb, what) for verb in verbs() for what in subverbs(verb)])
+SUBVERBS = [(verb, what) for verb in verbs() for what in getattr(importlib.import_module(main.module_of(verb)), "SUBVERBS", ())]
+
+
+@pytest.mark.parametrize(("verb", "what"), SUBVERBS, ids=lambda each: getattr(each, "name", each))
 def test_help_of_every_subverb_has_a_description_and_examples_that_parse(verb, what, capsys):
-    module = importlib.import_module(module_of(verb, what))
     with pytest.raises(SystemExit) as leaving:
-        main.main([verb, what, "--help"])
+        main.main([verb, what.name, "--help"])
     assert leaving.value.code == 0
     printed = capsys.readouterr().out
     assert "\nexample:\n" in printed
-    assert " ".join(module.SUMMARY.split())[:60] in " ".join(printed.split())
-    lines = [line.split() for line in module.EXAMPLE.strip().splitlines()]
-    assert any(line[:3] == ["tracker_node", verb, what] for line in lines)
-    for line in module.EXAMPLE.strip().splitlines():
+    assert " ".join(what.summary.split())[:60] in " ".join(printed.split())
+    lines = [line.split() for line in what.example.strip().splitlines()]
+    assert any(line[:3] == ["tracker_node", verb, what.name] for line in lines)
+    for line in what.example.strip().splitlines():
         parsed(shlex.split(line)[1:])
 
 

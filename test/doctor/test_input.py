@@ -9,8 +9,8 @@ import pytest
 from helpers.cameras.camera_rigs import circle_rig
 from helpers.sources.bag_samples import PERIOD_NS, START_NS, image, write_bag
 from tracker_node.camera.rig import CameraRig
-from tracker_node.doctor import input as doctor_input
-from tracker_node.doctor.input import DEFAULT_SECONDS, record, with_inputs
+from tracker_node.doctor import recording as doctor_recording
+from tracker_node.doctor.recording import DEFAULT_SECONDS, record, with_inputs
 from tracker_node.errors import SourceError, UnknownNameError
 from tracker_node.loaders.bag.writer import BagWriter
 
@@ -104,12 +104,12 @@ def test_images_begin_when_the_last_camera_does(tmp_path):
 
 def test_a_camera_that_is_over_before_is_read_from_its_own_beginning(tmp_path):
     (camera,) = rig_of(folder(tmp_path / "a", 4))
-    source = doctor_input._opened(camera)
+    source = doctor_recording._opened(camera)
     period_ns = source.stamp_ns(1) - source.stamp_ns(0)
     for later, read in ((0, 4), (2, 2), (3, 1), (4, 4), (9, 4)):
-        found = doctor_input._recorded("cam01", source, 4.0, source.stamp_ns(0) + later * period_ns)
+        found = doctor_recording._recorded("cam01", source, 4.0, source.stamp_ns(0) + later * period_ns)
         assert (len(found), found.n_expected) == (read, read)
-        source = doctor_input._opened(camera)
+        source = doctor_recording._opened(camera)
 
 
 def test_a_bag_without_a_camera_says_so(tmp_path):

@@ -17,7 +17,7 @@ from tracker_node.evaluation.run_review import RunFiles, review_run
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.clothes import with_surfaces
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.runs.writer import BODY
 
 N = 2

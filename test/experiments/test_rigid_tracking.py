@@ -20,7 +20,7 @@ from tracker_node.experiments.rigid_tracking import (
 from tracker_node.experiments.somersault.table1 import START_ERROR, start_errors
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State, from_variables
-from tracker_node.report.page import text_table
+from tracker_node.report.html import text_table
 
 TRUTH = from_variables(np.array([0.3, -0.2, 1.1, 3.5, 0.1, 0.7]))
 

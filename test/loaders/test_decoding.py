@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.camera.capture_settings import CaptureSettings
+from tracker_node.camera.rig import CaptureSettings
 from tracker_node.errors import SourceError
 from tracker_node.loaders.decoding import Preparation, decode_jpeg, jpeg_size
 from tracker_node.loaders.images.source import SourceOptions, open_source

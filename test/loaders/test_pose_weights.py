@@ -6,7 +6,7 @@ import pytest
 
 from helpers.sources.weights import weights_or_skip
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.pose_weights import DETECTOR, POINTS, MissingWeightsError, detector_name, pose_weights
+from tracker_node.loaders.fetched_files import DETECTOR, POINTS, MissingWeightsError, detector_name, pose_weights
 
 
 @pytest.fixture

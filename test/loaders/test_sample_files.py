@@ -6,7 +6,7 @@ import zipfile
 import pytest
 
 from tracker_node.errors import SourceError
-from tracker_node.loaders.sample_files import Member, Wheel, cache_folder, fetch, folder_digest
+from tracker_node.loaders.fetched_files import Member, Wheel, cache_folder, fetch, folder_digest
 
 VIDEO = bytes(range(256)) * 500
 POSES = {"cam1/1.json": b"{}", "cam2/1.json": b'{"people": []}'}

@@ -7,7 +7,7 @@ import pytest
 
 from benchmark.calibration.synchronize import SOUND_HZ, write_video
 from tracker_node.errors import FileFormatError, MissingExtraError
-from tracker_node.loaders.sound_file import read_sound
+from tracker_node.loaders.images.video_tracks import read_sound
 
 
 def black(n: int):

@@ -16,14 +16,12 @@ from tracker_node.evaluation.masks.reference import load_reference_masks
 from tracker_node.loaders.csv_file import CsvTable
 from tracker_node.loaders.json_values import read_json
 from tracker_node.loaders.keypoints.formats import load_points
-from tracker_node.loaders.layouts.foxglove import write_foxglove_layout
-from tracker_node.loaders.layouts.plotjuggler import write_plotjuggler_layout
-from tracker_node.loaders.layouts.viewed_graph import ViewedGraph
+from tracker_node.loaders.layouts import ViewedGraph, write_foxglove_layout, write_plotjuggler_layout
 from tracker_node.loaders.model.mesh_file import read_texture
 from tracker_node.loaders.model.urdf_xml import read_robot
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.rig.calibration_toml import dump_calibration_toml, load_pose2sim
-from tracker_node.loaders.rig.dlt_text import dump_dlt
+from tracker_node.loaders.rig.control_points import dump_dlt
 from tracker_node.loaders.rig.formats import detect
 from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
 from tracker_node.loaders.rig.qualisys_xml import dump_qualisys, load_qualisys

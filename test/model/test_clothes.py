@@ -9,7 +9,7 @@ from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.clothes import with_surfaces
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
+from tracker_node.model.humans.segments18 import ellipsoid_human, nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 

@@ -12,8 +12,8 @@ from tracker_node.model.humans.human import gait_human
 from tracker_node.model.humans.keypoints import BLAZEPOSE, expected_offsets, leg_ratio, relative_size
 from tracker_node.model.humans.measures import HumanMeasures
 from tracker_node.model.kinematic_chain import Axis, Following, Joint, KinematicChain
-from tracker_node.model.parts import with_part, without_links
 from tracker_node.model.shapes.primitives import Box
+from tracker_node.model.variants import with_part, without_links
 from tracker_node.tracking.keypoints.modality import points_of
 from tracker_node.tracking.limbs.tree import limbs_of
 

@@ -5,8 +5,7 @@ import pytest
 
 from helpers.cameras.small_clip import body as arm_and_trunk
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.proportions import expected_lengths
-from tracker_node.model.shape_parameters import ShapeSpace
+from tracker_node.model.shape_parameters import ShapeSpace, expected_lengths
 
 GROUPS = ("size", "length", "breadth")
 SPACE = ShapeSpace(human_model(), True, GROUPS)

@@ -5,11 +5,11 @@ from helpers.bodies.bodies import crane, random_state
 from tracker_node.errors import UnknownNameError
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration
-from tracker_node.model.humans.surfaces18 import nurbs_human
+from tracker_node.model.humans.segments18 import nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.scaling import LinkScale, scaled_by_link, scaled_uniformly, with_landmarks
 from tracker_node.model.shapes.nurbs import Loft, LoftedSolid, Section, loft_mesh
 from tracker_node.model.shapes.primitives import Box, Mesh
+from tracker_node.model.variants import LinkScale, scaled_by_link, scaled_uniformly, with_landmarks
 
 
 def test_uniform_scaling_scales_the_posed_body():

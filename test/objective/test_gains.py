@@ -8,7 +8,7 @@ from test.objective.color.test_score import SUN, bent_state, noise_images
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.objective.color.alignment import PhotometricObjective, PhotometricOptions
 from tracker_node.objective.color.score import ColorObjective, ColorOptions
 from tracker_node.objective.gains import LEAST, MOST, TINT, gains_of, squares_left

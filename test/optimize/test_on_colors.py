@@ -6,7 +6,7 @@ import pytest
 from benchmark.color._fits import stepping_simplex
 from tracker_node.experiments.somersault.scene import somersault_rig, somersault_states, somersault_variables
 from tracker_node.model.configuration import Configuration, from_variables, to_variables
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.optimize.simplex import search_simplex
 from tracker_node.optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill

@@ -6,10 +6,9 @@ import pytest
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape
-from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.configuration import Configuration, Neighbor, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.model.neighbors import Neighbor
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.render.contour.generators import N_COLUMNS, P, world_spheres
 from tracker_node.render.contour.samples import (

@@ -22,9 +22,11 @@ from tracker_node.report.document import (
     Strips,
     Table,
     cell_text,
+    columns_of,
+    file_name,
     strips_of,
+    write_figure_files,
 )
-from tracker_node.report.figure_files import columns_of, file_name, write_figure_files
 
 ONE = Line("left", np.array([0.0, 1.0]), np.array([1.0 / 3.0, np.nan]))
 TWO = Line("right", np.array([2.0]), np.array([-5.0]))

@@ -5,7 +5,7 @@ import base64
 import cv2
 import numpy as np
 
-from tracker_node.report.page import PageSection, write_page
+from tracker_node.report.html import PageSection, write_page
 
 
 def test_headings_tables_pictures_and_text_in_order(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
 from tracker_node.errors import FileFormatError, UnknownNameError
-from tracker_node.loaders.motion.motion_file import CovariancesWriter
+from tracker_node.loaders.motion.trajectory_file import CovariancesWriter
 from tracker_node.runs.load import file_of_run, load_run
 from tracker_node.tracking.estimate import Status
 

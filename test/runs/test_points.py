@@ -12,7 +12,7 @@ from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import Person, Silhouette
 from tracker_node.runs.messages import crops, crops_in, keypoints
-from tracker_node.runs.points import MOST_PEOPLE, detected_people, with_known_names, with_people
+from tracker_node.runs.messages.people import MOST_PEOPLE, detected_people, with_known_names, with_people
 
 STAMP_NS = 3_000_000_005
 

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 
 from tracker_node.observation.image_set import CameraImage
-from tracker_node.runs.set_formation import SetFormation
+from tracker_node.runs.loop import SetFormation
 from tracker_node.tracking.config import SynchronizerConfig
 
 CAMERAS = ("left", "right")

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from helpers.cameras.small_clip import RATE_HZ, Clip, make_clip
 from helpers.sources.tables import read_numbers
 from tracker_node.cli.main import main
-from tracker_node.loaders.motion.motion_file import read_covariances
-from tracker_node.loaders.motion.trajectory_file import read_joints, read_states
+from tracker_node.loaders.motion.trajectory_file import read_covariances, read_joints, read_states
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.runs.load import load_run
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tracker_node.evaluation.report.charts import LIMB_COLORS, STATUS_COLORS, TRUTH_COLORS
-from tracker_node.loaders.layouts import foxglove as foxglove_layout
+from tracker_node.loaders import layouts
 from tracker_node.render.palette import STATES, WORDS, rgb_of
 from tracker_node.studio.server import WEB_FOLDER, palette_css
 from tracker_node.tracking.estimate import LimbStatus, Status
@@ -41,7 +41,7 @@ def test_every_state_has_one_color_everywhere():
     served = dict(re.findall(r"--([a-z]+): (#[0-9a-f]{6});", palette_css()))
     assert served == STATES
     assert dict(re.findall(r"--([a-z]+)-word: (#[0-9a-f]{6});", palette_css())) == WORDS
-    shown = dict(zip(foxglove_layout._STATUS, foxglove_layout._STATUS_COLORS, strict=True))
+    shown = dict(zip(layouts._STATUS, layouts._STATUS_COLORS, strict=True))
     assert {name.lower(): color for name, color in shown.items()} == {n: c for n, c in STATES.items() if n != "unseen"}
 
 

@@ -23,11 +23,10 @@ from ..api.recording import recording_of
 from ..errors import FileFormatError, TrackerError
 from ..evaluation.evaluate import EvaluationOptions
 from ..evaluation.masks.reference import load_reference_masks
-from ..evaluation.recording_entry import check_evaluation
 from ..evaluation.report.builder import ReportOptions, write_report
 from ..evaluation.report.summary import parse_target
 from ..evaluation.review import Review
-from ..evaluation.run_review import RunFiles, review_run
+from ..evaluation.run_review import RunFiles, check_evaluation, review_run
 from ..loaders.json_values import finite, read_json
 from ..loaders.recording_yaml import FILES, RecordingFile
 from ..loaders.whole_file import write_whole

@@ -20,7 +20,7 @@ from ..loaders.motion.trc import MarkerTrajectories
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
 from ..model.humans.measures import landmark_of_marker, mirrored_name
-from ..model.scaling import LinkScale, scaled_by_link, with_landmarks
+from ..model.variants import LinkScale, scaled_by_link, with_landmarks
 from .pose import fit_state_to_landmarks
 
 SIDES = ("left", "right")

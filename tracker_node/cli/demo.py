@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 def _missing_for_points() -> str:
     """Why no points of people can be found here, and what mends it; empty where they can."""
     from ..errors import TrackerError
-    from ..loaders.pose_weights import usable_weights
+    from ..loaders.fetched_files import usable_weights
 
     try:
         usable_weights()

@@ -7,17 +7,17 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .arguments.cameras import UNITS
 from .arguments.run_images import check, refuse_to_overwrite
 
 if TYPE_CHECKING:
-    from ..loaders.projects.trial import ProjectTrial
+    from ..loaders.projects import ProjectTrial
 
 SUMMARY = "make a project of Pose2Sim, Anipose, FreeMoCap, Caliscope or OpenCap ready to be tracked: rig, body and recording.yaml"
 EXAMPLE = (
     "tracker_node import OpenCapData_1234 --trial squats -o squats\n"
     "  tracker_node import freemocap_data/recording_sessions/session1 --stature 1.78 -o session1"
 )
-UNITS = ("m", "cm", "mm")  # of `calibration.points.imported_rig`
 TRACKER, PERSON, RECORDING, TRIALS = "tracker.yaml", "person.yaml", "recording.yaml", "trials.yaml"
 _FREE_TOLERANCE = 0.7  # of cameras with stamps of their own, which do not expose together
 
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..loaders.projects.programs import find_trials
+    from ..loaders.projects import find_trials
     from ..loaders.yaml_file import write_mapping
 
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
@@ -74,7 +74,7 @@ def _chosen(found: list[ProjectTrial], wanted: list[str] | None) -> dict[str, Pr
 def _write_trial(trial: ProjectTrial, name: str, folder: Path, output: Path, args: argparse.Namespace) -> None:
     from os.path import relpath
 
-    from ..calibration.project import rig_of_trial
+    from ..calibration.imported import rig_of_trial
     from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
     from ..loaders.yaml_file import write_mapping
 
@@ -94,7 +94,7 @@ def _write_person(stature_m: float | None, path: Path) -> float:
     from ..calibration.body import model_stature
     from ..loaders.model.model_yaml import dump_model
     from ..model.humans.human import human_model
-    from ..model.scaling import scaled_uniformly
+    from ..model.variants import scaled_uniformly
 
     model = human_model(ankles=True)
     own = model_stature(model)

@@ -1,7 +1,8 @@
 """The one console command: ``tracker_node <verb>``.
 
-Each verb is a module of this package, or of ``cli.nodes``, with ``SUMMARY``, ``EXAMPLE``, ``add_arguments(parser)`` and
-``run(args) -> int``. It is imported only when asked for, so offline verbs run without ROS and ``--help`` is quick.
+Each verb is a module of this package, of ``cli.groups`` or of ``cli.nodes``, with ``SUMMARY``, ``EXAMPLE``,
+``add_arguments(parser)`` and ``run(args) -> int``. It is imported only when asked for, so offline verbs run without ROS and
+``--help`` is quick.
 """
 
 from __future__ import annotations
@@ -11,32 +12,35 @@ import importlib
 import os
 import pkgutil
 import sys
-from keyword import iskeyword
+from functools import cache
 from types import ModuleType
 
 from ..errors import TrackerError
 from ._last_resort import EX_CLOSED_PIPE, EX_USAGE, closed_pipes, reader_is_gone, threads_say_one_line, unexpected
 
 NODES = ("camera_ingest", "keypoints", "tracker", "compose", "recorder", "player", "pipeline", "rectify", "rerun_bridge")
-_BESIDE_NODES = ("layouts", "rerun", "urdf")  # what they are watched with
 INTERRUPTED = 130  # as a shell has it
 
 
-_NO_VERBS = ("main", "arguments", "nodes")
+_PACKAGES = ("tracker_node.cli", "tracker_node.cli.groups", "tracker_node.cli.nodes")
+_NO_VERBS = ("main", "arguments", "groups", "nodes")
+
+
+@cache
+def _modules() -> dict[str, str]:
+    """Verb -> name of its module; that of ``import``, a word of Python's, has an underscore behind it."""
+    found = ((package, m.name) for package in _PACKAGES for m in pkgutil.iter_modules(importlib.import_module(package).__path__))
+    return {name.rstrip("_"): f"{package}.{name}" for package, name in found if name[0] != "_" and name not in _NO_VERBS}
 
 
 def verbs() -> list[str]:
-    """Names of all verbs, from the modules of this package."""
-    package = importlib.import_module("tracker_node.cli")
-    found = (m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
-    return sorted({*NODES, *_BESIDE_NODES, *(name.rstrip("_") for name in found)} - {*_NO_VERBS})
+    """Names of all verbs, from the modules of this package and of those below it."""
+    return sorted(_modules())
 
 
 def module_of(verb: str) -> str:
-    """Name of the module of a verb; ``import``, a word of Python's, has an underscore behind it."""
-    if verb in (*NODES, *_BESIDE_NODES):
-        return f"tracker_node.cli.nodes.{verb}"
-    return f"tracker_node.cli.{verb}{'_' if iskeyword(verb) else ''}"
+    """Name of the module of one of `verbs`."""
+    return _modules()[verb]
 
 
 def parser_of(verb: str, module: ModuleType) -> argparse.ArgumentParser:

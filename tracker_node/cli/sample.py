@@ -51,14 +51,13 @@ def prepare(folder: Path, fresh: bool = False) -> int:
     status : exit status of the calibrations.
     """
     from ..calibration import balancing
-    from ..loaders.sample_files import fetch_sample
-    from .calibrate.refine import print_table
+    from ..loaders.fetched_files import fetch_sample
 
     print("Balancing clip (Pose2Sim, BSD 3-Clause), from wheels on the package index; kept in the cache", flush=True)
     balancing.copy_files(fetch_sample("balancing"), folder)
     if fresh or not (folder / "rig_refined.yaml").exists():
         print("Refining the places of the cameras on the 2D joints", flush=True)
-        print_table(balancing.write_rigs(folder))
+        print(balancing.write_rigs(folder).table())
     if fresh or not balancing.has_backgrounds(folder):
         print("Making images of the background from the videos and the stills", flush=True)
         balancing.write_backgrounds(folder)
@@ -76,7 +75,7 @@ def prepare(folder: Path, fresh: bool = False) -> int:
 def _describe(folder: Path, fresh: bool) -> None:
     """Write recording.yaml and what it names of the package's files, unless they are there."""
     from ..calibration import balancing
-    from ..loaders.sample_files import data_file
+    from ..loaders.fetched_files import data_file
 
     if fresh or not (folder / "masks.json").exists():
         balancing.write_masks(folder, data_file("config/balancing_masks.json"))

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments.cameras import image_size
-from .arguments.person import add_person_argument, place_of_person
 from .arguments.recording import add_recording_argument, by_body, evaluate_recording, fill_in, of_those_who_join
-from .arguments.runs import named_options, nothing_tracked
+from .arguments.runs import add_person_argument, named_options, nothing_tracked, place_of_person
 from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig, epipolar_curve
-from ..report.page import PageSection, write_page
+from ..report.html import PageSection, write_page
 from .diagnosis import Examination
 from .recording import CameraRecording
 from .setup import FAULTS, Finding, Setup

@@ -14,7 +14,7 @@ from ..tracking.estimate import Status
 from . import metrics
 from .motion.joint_motion import AUTO
 from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at
-from .truth.states import LIMBS, common_bones, common_joints, offset_links
+from .truth.files import LIMBS, common_bones, common_joints, offset_links
 
 OnOneClock = TypeVar("OnOneClock", bound=OnAClock)
 ALIGNMENTS = ("auto", "first", "stamp")

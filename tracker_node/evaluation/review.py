@@ -11,6 +11,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError
 from ..model.articulated import ArticulatedModel
+from ..model.humans.masses import mass_center
 from ..runs.data import RunData
 from ..runs.motion import RunMotion, at_constant_rate, motion_of_run
 from ..runs.writer import SMOOTHED
@@ -25,11 +26,9 @@ from .motion.inverse_kinematics import InverseKinematics
 from .motion.joint_motion import AUTO, CUTOFFS, JointMotion, Ranges, joint_motion, ranges, treatment
 from .motion.jumps import Jump, find_jumps, jump_metrics
 from .motion.kinematics import MOST_OF_RATE
-from .motion.mass_center import mass_center
-from .state_errors import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
+from .pose_metrics import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
 from .truth.association import image_period_ns
-from .truth.files import Truth
-from .truth.states import TrueStates, common_bones, unwrapped
+from .truth.files import TrueStates, Truth, common_bones, unwrapped
 
 STAGES = ("observe", "optimize", "total")
 PERCENTILES = (50, 95, 99)

@@ -1,4 +1,4 @@
-"""A run compared with truth and with its images, all from files, as ``tracker_node evaluate`` names them."""
+"""A run compared with truth and with its images, all from files, as ``tracker_node evaluate`` and a recording name them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError, TrackerError
 from ..loaders.model.model_yaml import load_model
+from ..loaders.recording_yaml import EvaluateEntry
 from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
@@ -19,9 +20,10 @@ from ..runs.images import file_of, first_image_of, rig_of_run
 from ..runs.load import body_of_run, is_run, load_run
 from .consistency import landmark_sds
 from .evaluate import EvaluationOptions
-from .masks.reference import CameraMasks
+from .masks.reference import CameraMasks, load_reference_masks
 from .masks.silhouettes import ImageReview, ReviewOptions, review_images
 from .motion.inverse_kinematics import InverseKinematics, inverse_kinematics
+from .report.summary import parse_target
 from .review import Review, review
 from .truth.files import truth_of
 
@@ -165,3 +167,25 @@ def unobservable_text(info: Mapping[str, Any]) -> list[str]:
         said.append("one other degree of freedom" if more == 1 else f"{more} other degrees of freedom")
     listed = " and ".join([", ".join(said[:-1]), said[-1]] if len(said) > 1 else said)
     return [f"The images do not always tell {listed}: there they are guessed."]
+
+
+def check_evaluation(where: str | Path, entry: EvaluateEntry, model: ArticulatedModel | None) -> None:
+    """Report mistakes that would else come up when the run is there.
+
+    Parameters
+    ----------
+    where, entry : the recording, as a message names it, and what it says of its evaluation.
+    model : the body; None where no truth is named.
+
+    Raises
+    ------
+    TrackerError : a truth or masks that cannot be read, a target that is none.
+    """
+    for target in entry.targets:
+        try:
+            parse_target(target)
+        except ValueError:
+            raise FileFormatError(where, "evaluate.targets", "KEY<=NUMBER or KEY>=NUMBER", target) from None
+    truth_of(entry.truth, entry.y_up, model)
+    if entry.masks is not None:
+        load_reference_masks(entry.masks)

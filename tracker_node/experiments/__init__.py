@@ -1,4 +1,4 @@
 """The experiments of both papers: Trewartha, Yeadon & Knight (colors), Knossow et al. (contours).
 
-The verbs of `cli.reproduce` run them. Begin with the subpackage of the experiment: `cross`, `somersault`, `contour`.
+The sub-verbs of `cli.groups.reproduce` run them. Begin with the subpackage of the experiment: `cross`, `somersault`, `contour`.
 """

@@ -11,17 +11,16 @@ from ..camera.model import CameraModel
 from ..camera.rig import Camera, CameraRig
 from ..loaders.rig.rig_yaml import load_rig
 from ..model.configuration import Configuration, State
-from ..model.humans.surfaces18 import ellipsoid_human, nurbs_human
+from ..model.humans.segments18 import ellipsoid_human, nurbs_human
 from ..render.raycast.raycaster import render_color
+from ..report.html import PageSection, write_page
 from ..report.metrics_file import write_metrics
-from ..report.page import PageSection, write_page
 from ..report.progress import say
 from ..synthesis.scenes.scene import looking_at
 from .cross.throw import cross_rig, side_somersault, twisting_somersault, yellow_stick
 from .plots import bodies_figure, matching_figure, plan_figure, save
 from .rigid_tracking import moved
-from .somersault.scene import somersault_rig, somersault_scene
-from .somersault.surface_distance import distance_table, segment_distances
+from .somersault.scene import distance_table, segment_distances, somersault_rig, somersault_scene
 
 SHOWN_IMAGE = 2  # of the somersault
 ESTIMATE_ERROR = (40.0, -30.0, 20.0, 6.0, 3.0, -8.0)  # mm and degrees: a pose that still has to be improved

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..camera.capture_settings import CaptureSettings
+from ..camera.rig import CaptureSettings
 from ..errors import SourceError, shown
 from ..observation.image_set import ENCODINGS
 

@@ -12,6 +12,7 @@ R = Ry(somersault) Rx(tilt) Rz(twist). Stepping and simplex walk them one by one
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -256,3 +257,20 @@ def from_variables(variables: np.ndarray) -> State:
     variables = np.asarray(variables, dtype=np.float64)
     rotation = so3.from_somersault_tilt_twist(variables[3], variables[4], variables[5])
     return State(se3.from_rotation_translation(rotation, variables[:3]), variables[N_ROOT:].copy())
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbor:
+    """Another body in the images of a set.
+
+    Attributes
+    ----------
+    body : where it is expected.
+    classes : (n_shapes,) color class of every shape.
+    colors : per camera of the rig (n_classes, n_colors) float32, densities of the colors of every class; None where they are not
+        known.
+    """
+
+    body: Configuration
+    classes: np.ndarray
+    colors: Sequence[np.ndarray | None]

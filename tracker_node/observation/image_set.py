@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..model.neighbors import Neighbor
+from ..model.configuration import Neighbor
 from .keypoints.people import People
 
 ENCODINGS = {"bgr8": 3, "rgb8": 3, "mono8": 1}

@@ -12,8 +12,7 @@ from ..camera.model import CameraModel
 from ..camera.rig import Camera, CameraRig
 from ..compiled.kernels import compiled
 from ..model.articulated import ArticulatedModel
-from ..model.configuration import Configuration, State
-from ..model.neighbors import Neighbor
+from ..model.configuration import Configuration, Neighbor, State
 from ..parallel import serial
 from .contour.samples import DEPTH, NU, NV, U, V
 from .raycast.raycaster import render_labels, render_view, render_where_seen

@@ -1,6 +1,7 @@
 """A document as one page with everything inside: tables, pictures, and charts that plotly draws in the browser.
 
-Charts are made as plain dictionaries: plotly's Python objects are not needed for them.
+Charts are made as plain dictionaries: plotly's Python objects are not needed for them. `write_page` makes simpler pages of tables
+and images: what an experiment or a calibration leaves for its reader.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ import json
 import math
 import textwrap
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -40,6 +42,7 @@ from .document import (
     Value,
     cell_text,
 )
+from .metrics_file import command_line, cpu, today, versions
 
 JPEG_QUALITY = 80
 # The bundle of npm's plotly.js-cartesian-dist-min: a third of the whole library, which a browser takes a second longer to read
@@ -48,13 +51,11 @@ PLOTLY = "plotly-cartesian.min.js"
 
 def render_html(document: Document) -> str:
     """The page; it asks for nothing from anywhere."""
-    source = _template("report.html.j2")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     charts = {block.key: figure for block in document.blocks if (figure := figure_of(block)) is not None}
     scenes = {block.key: scene_data(block) for block in document.blocks if isinstance(block, Scene)}
     times: dict[tuple[float | None, ...], int] = {}
     curves = [curve_data(curve, times) for block in document.blocks if isinstance(block, Curves) for curve in block.curves]
-    return environment.from_string(source).render(
+    return _page_template("report.html.j2").render(
         document=document,
         kind_of=_kind_of,
         head_of=_head_of,
@@ -67,6 +68,11 @@ def render_html(document: Document) -> str:
         script=Markup(_template("scene.js") + _template("report.js")),
         plotly=Markup(_template(PLOTLY) if charts or curves else ""),
     )
+
+
+def _page_template(name: str) -> jinja2.Template:
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    return environment.from_string(_template(name))
 
 
 def _template(name: str) -> str:
@@ -344,3 +350,54 @@ def _level(y: float) -> dict[str, Any]:
 def _level_label(y: float, text: str, log: bool) -> dict[str, Any]:
     return {"xref": "paper", "yref": "y", "x": 1, "y": math.log10(y) if log else y, "text": text, "showarrow": False,
             "xanchor": "right", "yanchor": "bottom", "font": {"size": 11, "color": GRAY}}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class PageSection:
+    """A heading with a sentence, then a table, an image, or plain text; what is empty is left out.
+
+    Parameters
+    ----------
+    table : rows of texts, the first of them the headings.
+    image : a PNG file, or pixels (h, w, 3) BGR.
+    """
+
+    title: str = ""
+    text: str = ""
+    table: Sequence[Sequence[str]] = ()
+    image: Path | np.ndarray | None = None
+    preformatted: str = ""
+
+
+def write_page(path: str | Path, title: str, sections: Sequence[PageSection]) -> None:
+    """Write a page as HTML; folders are made.
+
+    Parameters
+    ----------
+    path : of the page.
+    title : its heading.
+    sections : from top to bottom.
+    """
+    page = _page_template("page.html.j2").render(
+        title=title, sections=[(section, _data_uri(section.image)) for section in sections], command=command_line(),
+        versions=versions(), cpu=cpu(), made=today(),
+    )  # fmt: skip
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    Path(path).write_text(page, encoding="utf-8")
+
+
+def text_table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of text in columns; all but the first column to the right."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def _data_uri(image: Path | np.ndarray | None) -> str:
+    if image is None:
+        return ""
+    png = image.read_bytes() if isinstance(image, Path) else cv2.imencode(".png", image)[1].tobytes()
+    return f"data:image/png;base64,{base64.b64encode(png).decode()}"

@@ -123,7 +123,6 @@ class PipelineOptions:
 class Progress:
     """What the states have said so far."""
 
-    began_s: float = field(default_factory=time.monotonic)
     sets: int = 0
     status: Status = Status.INITIALIZING
     residual: str = ""

@@ -20,10 +20,10 @@ from ..loaders.images.feed import ImageFeed
 from ..loaders.images.source import ImageSource, SourceOptions, open_camera_source
 from ..observation.image_set import CameraImage, ImageSet
 from ..tracking.config import SynchronizerConfig
+from .loop import SetFormation
 from .messages import CAMERA_INFO, lens_of
+from .messages.people import with_people
 from .people.recorded import BagPoints
-from .points import with_people
-from .set_formation import SetFormation
 
 _ALWAYS_NAMED = ("received", "used")
 _UNEQUAL_ENDS_S = 0.1  # cameras that are switched off together end within this

@@ -15,8 +15,7 @@ from ..loaders.bag.metadata import STORAGE_SUFFIXES
 from ..loaders.bag.reader import BagReader
 from ..loaders.json_values import read_json
 from ..loaders.model.model_yaml import load_model
-from ..loaders.motion.motion_file import CovarianceTrajectory, read_covariances
-from ..loaders.motion.trajectory_file import read_states
+from ..loaders.motion.trajectory_file import CovarianceTrajectory, read_covariances, read_states
 from ..model.articulated import ArticulatedModel
 from ..tracking.estimate import PX, Status
 from .data import RunData, RunDetails

@@ -16,8 +16,8 @@ from ..observation.image_set import CameraImage, ImageSet
 from .image_sets import ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
 from .load import state_messages
 from .messages import CAMERA_INFO
+from .messages.people import with_people
 from .people.recorded import BagPoints
-from .points import with_people
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,14 @@ from ..loaders.bag.metadata import OfferedQos
 from ..loaders.bag.writer import BagExistsError, BagWriter
 from ..loaders.model.model_yaml import dump_model
 from ..loaders.model.urdf_writer import urdf_of
-from ..loaders.motion.motion_file import CovariancesWriter, VelocitiesWriter
-from ..loaders.motion.trajectory_file import JointsWriter, PosesWriter, StateRow, StatesWriter
+from ..loaders.motion.trajectory_file import (
+    CovariancesWriter,
+    JointsWriter,
+    PosesWriter,
+    StateRow,
+    StatesWriter,
+    VelocitiesWriter,
+)
 from ..loaders.whole_file import write_whole
 from ..model.articulated import ArticulatedModel
 from ..model.clothes import with_surfaces

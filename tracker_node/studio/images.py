@@ -24,7 +24,7 @@ from ..model.configuration import Configuration, State
 from ..observation.image_set import CameraImage, ImageSet
 from ..render.overlay import part_colors, part_outlines
 from ..runs.image_sets import opened_sources
-from ..runs.set_formation import make_synchronizer
+from ..runs.loop import make_synchronizer
 from ..tracking.config import SynchronizerConfig
 
 _JPEG_BYTES = 256 * 2**20

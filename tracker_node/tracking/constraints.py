@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..model.articulated import ArticulatedModel
-from ..model.configuration import State
+from ..model.configuration import Neighbor, State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
-from ..model.neighbors import Neighbor
 from ..objective.constraints.collision import CollisionObjective
 from ..objective.constraints.prior import CouplingObjective, Prior
 from ..objective.normal_equations import LeastSquaresObjective

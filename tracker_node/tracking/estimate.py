@@ -137,7 +137,7 @@ class TrackEstimate:
     innovation : (n_dof,) in information form: ``information`` times the tangent from ``state`` to where these images have it.
     second_order : (n_dof, n_dof) the second-order terms within ``covariance``.
     faults : cameras that the others contradict.
-    surfaces : (n_shapes, 4) meters: where the surface of each part is beside its shape (`model.humans.surfaces`), for drawing;
+    surfaces : (n_shapes, 4) meters: where the surface of each part is beside its shape (`model.clothes`), for drawing;
         None where that is not followed.
     """
 

@@ -13,10 +13,9 @@ import numpy as np
 from ..camera.rig import CameraRig, check_metres
 from ..errors import CalibrationError, TrackerError
 from ..model.articulated import ArticulatedModel
-from ..model.configuration import State, configured
+from ..model.configuration import Neighbor, State, configured
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..model.kinematic_chain import N_ROOT_DOF
-from ..model.neighbors import Neighbor
 from ..objective.constraints.prior import Prior
 from ..observation.exposure import Exposures
 from ..observation.image_set import ImageSet

@@ -16,7 +16,7 @@ import numpy as np
 from ..camera.rig import Camera, CameraRig
 from ..errors import extra_module
 from ..geometry import so3
-from ..loaders.layouts.viewed_graph import joints_to_plot
+from ..loaders.layouts import joints_to_plot
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration
 from ..model.kinematic_chain import N_ROOT_DOF

@@ -23,6 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
+from benchmark._arguments import parser_of
 from benchmark.clothed._clip import write_clip
 from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import ClothedClip, load_clip
@@ -33,8 +34,8 @@ from benchmark.clothed.person._body import MANNEQUIN
 from benchmark.contour._runs import print_circumstances
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.evaluation.motion.isb_angles import angles_of_segments
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.loaders.model.model_yaml import load_model
-from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.keypoints.body_from_points import body_from_points
@@ -109,14 +110,12 @@ def told(errors: list[AngleErrors], mark: str = "") -> dict[str, float | int]:
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        epilog="example:\n  OMP_NUM_THREADS=1 python benchmark/clothed/angles/angles.py --clips out/clothed/clip_1",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        __doc__,
+        "OMP_NUM_THREADS=1 python benchmark/clothed/angles/angles.py --clips out/clothed/clip_1",
+        "one clip's first image sets; a mannequin's where none are drawn",
     )
     add = parser.add_argument
-    add("--quick", action="store_true", help="one clip's first image sets; a mannequin's where none are drawn")
-    add("--json", type=Path, metavar="FILE", help="write the figures there")
     add("--clips", nargs="+", type=Path, metavar="FOLDER", help="these clips")
     add("--drawn", type=Path, default=Path("out/clothed"), metavar="FOLDER", help="of clip_1 to clip_8 (default: %(default)s)")
     add("--model", default="gait_human", metavar="MODEL", help="the body (default: %(default)s)")

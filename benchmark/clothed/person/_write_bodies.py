@@ -5,7 +5,7 @@ This program runs in an environment of its own; it imports nothing of this proje
 z up), soles at z = 0; the bones of anny are merged into the joints that motions turn.
 
 With ``--lengths N`` it draws N people instead, fat and thin, children and old, and writes how long their segments are:
-``python -m benchmark.clothed._fit --lengths FILE`` makes the table of `tracker_node.model.proportions` of them.
+``python -m benchmark.clothed._fit --lengths FILE`` makes the table of `tracker_node.model.shape_parameters` of them.
 """
 
 from __future__ import annotations

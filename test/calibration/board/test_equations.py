@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.calibration.board.equations import CLOCK, N_PLACE, BoardEquations, CameraRows
+from tracker_node.calibration.board.adjustment import CLOCK, N_PLACE, BoardEquations, CameraRows
 
 N_LENS, N_TIME_STEPS = 4, 3
 P = N_PLACE + N_LENS  # of a camera

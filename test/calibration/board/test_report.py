@@ -14,7 +14,7 @@ from tracker_node.calibration.board.report import (
 )
 from tracker_node.calibration.board.views import CameraViews
 from tracker_node.camera.model import CameraModel
-from tracker_node.report.page import PageSection, text_table
+from tracker_node.report.html import PageSection, text_table
 
 LENS = CameraModel(
     1280, 960, np.array([[1000.126, 0.0, 639.5], [0.0, 1001.0, 479.5], [0.0, 0.0, 1.0]]), "plumb_bob",

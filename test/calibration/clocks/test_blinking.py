@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from benchmark.calibration import synchronize as benchmark
-from tracker_node.calibration.clocks.blinking import seen_blinking
-from tracker_node.calibration.clocks.flashes import flash_lags
+from tracker_node.calibration.clocks.flashes import flash_lags, seen_blinking
 from tracker_node.errors import CalibrationError
 
 RATE_HZ, EDGES_S = 30.0, np.cumsum(np.random.default_rng(3).uniform(0.3, 0.9, 40))

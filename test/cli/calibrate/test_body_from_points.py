@@ -21,8 +21,7 @@ from tracker_node.loaders.rig.rig_yaml import read_rig_file, write_rig_file
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE, LandmarkPoint
 from tracker_node.model.humans.measures import HumanMeasures
-from tracker_node.model.proportions import expected_lengths
-from tracker_node.model.shape_parameters import ShapeSpace
+from tracker_node.model.shape_parameters import ShapeSpace, expected_lengths
 from tracker_node.observation.keypoints.blazepose import NAMES
 
 N_IMAGES = 5

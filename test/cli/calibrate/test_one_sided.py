@@ -10,7 +10,7 @@ from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import gait_human
 from tracker_node.model.humans.measures import MARKER_OF_LANDMARK, HumanMeasures
-from tracker_node.model.parts import without_links
+from tracker_node.model.variants import without_links
 
 FOOT = """<robot name="prosthesis">
   <link name="left_foot">

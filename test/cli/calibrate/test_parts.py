@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tracker_node.cli.calibrate import background, body, intrinsics
-from tracker_node.cli.calibrate import rig as rig_command
+from tracker_node.cli.groups import calibrate
+from tracker_node.cli.groups.calibrate import body, cameras, scene
 from tracker_node.errors import FileFormatError
 
 BOARD = ("--charuco", "4x5", "--square", "0.05")
@@ -14,12 +14,12 @@ BOARD = ("--charuco", "4x5", "--square", "0.05")
 
 def parsed(command, *arguments):
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    next(each for each in calibrate.SUBVERBS if each.name == command).add_arguments(parser)
     return parser.parse_args(list(arguments))
 
 
 def rig_options(*arguments, videos=("a.mp4",)):
-    return rig_command._options(parsed(rig_command, "--videos", *videos, *BOARD, *arguments))
+    return cameras._rig_options(parsed("rig", "--videos", *videos, *BOARD, *arguments))
 
 
 def test_milliseconds_become_seconds():
@@ -52,11 +52,11 @@ def test_lenses_are_refined_unless_they_are_kept():
 
 
 def test_defaults_of_the_commands():
-    args = parsed(body)
+    args = parsed("body")
     assert (args.joint_sigma_mm, args.y_up, args.sets, args.output) == (None, True, 20, "person.yaml")
-    assert not parsed(body, "--z-up").y_up
-    assert parsed(intrinsics, "--videos", "a.mp4", *BOARD).views == 80
-    assert parsed(background, "--rig", "r.yaml").images == 25
+    assert not parsed("body", "--z-up").y_up
+    assert parsed("intrinsics", "--videos", "a.mp4", *BOARD).views == 80
+    assert parsed("background", "--rig", "r.yaml").images == 25
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_defaults_of_the_commands():
     ],
 )
 def test_a_body_says_where_it_comes_from(arguments, comment):
-    text = body._comment("p", parsed(body, *arguments))
+    text = body._comment("p", parsed("body", *arguments))
     assert text.startswith(comment)
     assert ("humans/measures.py" in text) == ("--model" not in arguments)
 
@@ -93,4 +93,4 @@ def test_parameters_are_told_in_percent(capsys):
 @pytest.mark.parametrize("images", [2, 0])
 def test_a_plate_takes_three_images_at_least(images):
     with pytest.raises(FileFormatError, match="at least 3"):
-        background.run(SimpleNamespace(images=images))
+        scene._run_background(SimpleNamespace(images=images))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tracker_node.cli import sample
+from tracker_node.cli.groups import reproduce
 from tracker_node.cli.main import main
-from tracker_node.cli.reproduce import contours
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.experiments.contour import experiment
 from tracker_node.experiments.contour.clips import synthetic_clip
@@ -113,7 +113,7 @@ def test_a_sample_whose_preparation_has_broken_off_is_prepared_again(monkeypatch
     (tmp_path / "recording.yaml").touch()
     monkeypatch.setattr(sample, "prepare", lambda folder: 1)
     with pytest.raises(TrackerError, match="could not be prepared"):
-        contours._sample(tmp_path)
+        reproduce._sample(tmp_path)
 
 
 def test_without_the_sample_the_rest_is_measured(monkeypatch, tmp_path, capsys):

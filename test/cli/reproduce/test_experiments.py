@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker_node.cli.arguments.verbs import subverbs
+from tracker_node.cli.groups import reproduce
 from tracker_node.cli.main import main
 from tracker_node.experiments.rigid_tracking import UNITS, VARIABLES
 
@@ -22,7 +22,7 @@ def colors_on(path):
 
 
 def test_experiments_are_found():
-    assert {"table1", "convergence", "figures"} <= set(subverbs("reproduce"))
+    assert {"table1", "convergence", "figures"} <= {each.name for each in reproduce.SUBVERBS}
 
 
 @pytest.mark.long

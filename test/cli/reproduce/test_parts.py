@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tracker_node.cli.reproduce import convergence as convergence_command
+from tracker_node.cli.groups import reproduce
 from tracker_node.errors import FileFormatError
 from tracker_node.experiments import figures
 from tracker_node.experiments.plots import Profile
@@ -79,7 +79,7 @@ def test_fig_4_and_the_page_show_two_views(tmp_path, scene):
 @pytest.mark.parametrize("trials", [0, -3])
 def test_no_starts_are_refused(trials):
     with pytest.raises(FileFormatError, match="--trials"):
-        convergence_command.run(SimpleNamespace(trials=trials))
+        reproduce._run_convergence(SimpleNamespace(trials=trials))
 
 
 def test_profiles_reach_as_far_on_both_sides(scene):

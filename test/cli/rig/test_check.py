@@ -10,7 +10,7 @@ import pytest
 from helpers.cameras.moving_balls import write_balls
 from tracker_node.cli.main import main
 from tracker_node.doctor.diagnosis import examine
-from tracker_node.doctor.input import record
+from tracker_node.doctor.recording import record
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 
 

@@ -17,8 +17,8 @@ from tracker_node.evaluation.masks.reference import (
     still_difference_mask,
 )
 from tracker_node.evaluation.metrics import intersection_over_union
+from tracker_node.loaders.fetched_files import data_file
 from tracker_node.loaders.images.source import open_source
-from tracker_node.loaders.sample_files import data_file
 
 SIZE = (400, 300)
 MASKS = "config/balancing_masks.json"

@@ -7,8 +7,8 @@ from helpers.bodies.moving_person import moving
 from helpers.bodies.two_links import two_links
 from tracker_node.errors import ModelError
 from tracker_node.evaluation.motion.isb_angles import angles_of_segments, isb_angles
+from tracker_node.loaders.fetched_files import data_file
 from tracker_node.loaders.model.model_yaml import load_model
-from tracker_node.loaders.sample_files import data_file
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.runs.motion import RunMotion

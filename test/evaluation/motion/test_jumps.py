@@ -5,7 +5,7 @@ import pytest
 
 from helpers.motion import known_motions as known
 from tracker_node.evaluation.motion.jumps import GRAVITY, Jump, find_jumps, jump_metrics
-from tracker_node.evaluation.motion.mass_center import mass_center
+from tracker_node.model.humans.masses import mass_center
 from tracker_node.synthesis.motions.deepmimic import load_motion
 from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from tracker_node.evaluation.motion.mass_center import mass_center
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.masses import mass_center
 from tracker_node.synthesis.motions.deepmimic import load_motion
 from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
 

@@ -21,10 +21,9 @@ from tracker_node.evaluation.report.builder import ReportOptions, _facts, contac
 from tracker_node.evaluation.report.summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
-from tracker_node.evaluation.truth.states import TrueStates, unwrapped
+from tracker_node.evaluation.truth.files import TrueStates, unwrapped
 from tracker_node.model.configuration import variable_names
-from tracker_node.report.document import Cell, Column, Document, DocumentSection, Table, strips_of
-from tracker_node.report.figure_files import file_name, write_figure_files
+from tracker_node.report.document import Cell, Column, Document, DocumentSection, Table, file_name, strips_of, write_figure_files
 from tracker_node.report.html import render_html
 from tracker_node.report.pdf import write_pdf
 from tracker_node.runs.load import load_run

@@ -15,7 +15,7 @@ from tracker_node.evaluation.report.kinematics import ANGLES, VELOCITIES
 from tracker_node.evaluation.report.tables import loss_table
 from tracker_node.evaluation.review import Review, Truth, review
 from tracker_node.evaluation.truth.association import Trajectories
-from tracker_node.evaluation.truth.states import TrueStates
+from tracker_node.evaluation.truth.files import TrueStates
 from tracker_node.model.configuration import variable_names
 from tracker_node.runs.load import load_run
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tracker_node.evaluation.truth.states import BONES, EVALUATED_JOINTS, LIMBS, common_bones, common_joints, offset_links
+from tracker_node.evaluation.truth.files import BONES, EVALUATED_JOINTS, LIMBS, common_bones, common_joints, offset_links
 from tracker_node.model.humans.human import human_model
 
 HUMAN = human_model()

@@ -5,7 +5,7 @@ import pytest
 
 from helpers.bodies.moving_person import moving, write_run
 from tracker_node.errors import FileFormatError
-from tracker_node.evaluation.truth.states import TrueStates, holds_states, load_true_states, unwrapped
+from tracker_node.evaluation.truth.files import TrueStates, holds_states, load_true_states, unwrapped
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.model.configuration import Configuration, State, to_variables, variable_names
 

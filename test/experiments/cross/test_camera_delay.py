@@ -6,8 +6,8 @@ import pytest
 from helpers.cameras.late_camera import MODEL, RIG, TRIAL
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import CalibrationError
+from tracker_node.experiments.cross.methods import estimate_delay
 from tracker_node.experiments.cross.throw import FIELD_PERIOD_S
-from tracker_node.experiments.cross.video_tracking import estimate_delay
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.render.raycast import raycaster

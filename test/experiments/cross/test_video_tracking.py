@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from helpers.bodies.wooden_cross import cross
+from tracker_node.experiments.cross.methods import extrapolated, refine_video, track_video, velocities
 from tracker_node.experiments.cross.throw import side_somersault, twisting_somersault
-from tracker_node.experiments.cross.video_tracking import extrapolated, refine_video, track_video, velocities
 from tracker_node.model.configuration import from_variables, to_variables
 
 PERIOD_S = 0.02

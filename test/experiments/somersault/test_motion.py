@@ -21,7 +21,7 @@ from tracker_node.experiments.somersault.scene import (
 )
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import Configuration, State, to_variables
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 
 BODY = ellipsoid_human()
 

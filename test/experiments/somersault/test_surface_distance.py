@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from tracker_node.experiments.somersault.surface_distance import distance_table, point_distances, segment_distances
+from tracker_node.experiments.somersault.scene import distance_table, point_distances, segment_distances
 from tracker_node.model.articulated import ArticulatedModel, Shape
-from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
+from tracker_node.model.humans.segments18 import ellipsoid_human, nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 

@@ -7,11 +7,11 @@ from scipy.optimize import brentq
 
 from helpers.bodies.stick_person import Motion
 from tracker_node.evaluation.motion.jumps import GRAVITY
-from tracker_node.evaluation.motion.mass_center import mass_center
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.masses import mass_center
 
 STRIDE_S, SPEED_M_S = 1.1, 1.25
 HIP_DEG, KNEE_DEG, ELBOW_DEG = (24.0, 20.0), (30.0, 24.0), (12.0, 12.0)  # amplitudes, left and right

@@ -15,7 +15,7 @@ from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.qos import images_published
 from tracker_node.ros.tracker.image_inbox import InboxOptions
-from tracker_node.ros.tracker.options import TrackerOptions
+from tracker_node.ros.tracker.setup import TrackerOptions
 from tracker_node.tracking.tracker import Tracker
 
 N = 12

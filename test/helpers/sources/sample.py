@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tracker_node.errors import SourceError
-from tracker_node.loaders.sample_files import fetch_sample
+from tracker_node.loaders.fetched_files import fetch_sample
 
 
 def sample_or_skip() -> dict[str, Path]:

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.pose_weights import pose_weights
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.observation.keypoints.blazepose import BlazePoseFiles
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from helpers.sources import bag_samples
-from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel
-from tracker_node.camera.rig import Camera
+from tracker_node.camera.rig import Camera, CaptureSettings
 from tracker_node.errors import CalibrationError, FileFormatError, SourceError, UnknownNameError
 from tracker_node.loaders.bag.message_types import typestore
 from tracker_node.loaders.bag.writer import BagWriter

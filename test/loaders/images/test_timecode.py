@@ -7,7 +7,7 @@ import pytest
 
 from helpers.sources.timecoded_video import count_pairs, write_timecoded
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.images.timecode import Timecode, read_timecode
+from tracker_node.loaders.images.video_tracks import Timecode, read_timecode
 
 NTSC, DOUBLE = Fraction(30000, 1001), Fraction(60000, 1001)
 

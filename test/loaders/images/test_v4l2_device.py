@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from helpers.sources.v4l2_camera import HEIGHT, WIDTH, V4l2Camera
-from tracker_node.camera.capture_settings import CaptureSettings
+from tracker_node.camera.rig import CaptureSettings
 from tracker_node.errors import SourceError
 from tracker_node.loaders.images.live_capture import check_live_settings
 from tracker_node.loaders.images.v4l2_device import VideoDevice
@@ -20,7 +20,7 @@ GAIN, AUTO_EXPOSURE, EXPOSURE, BRIGHTNESS = 0x00980913, 0x009A0901, 0x009A0902, 
 
 READ = """
 import json, sys, time
-from tracker_node.camera.capture_settings import CaptureSettings
+from tracker_node.camera.rig import CaptureSettings
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.images.live_capture import DeviceCapture
 settings, size, device_stamps = json.loads(sys.argv[2])

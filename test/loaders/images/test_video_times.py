@@ -7,7 +7,7 @@ from helpers.sources.variable_rate_video import set_times, write_video
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.doctor.diagnosis import examine
-from tracker_node.doctor.input import record
+from tracker_node.doctor.recording import record
 from tracker_node.loaders.images.source import SourceOptions, open_camera_source, open_source
 from tracker_node.loaders.images.stamps import varying_times
 from tracker_node.ros.ingest.cameras import chosen_cameras, open_cameras

@@ -10,7 +10,7 @@ import pytest
 from helpers.fuzz.mutations import damage_content
 from helpers.sources import point_files as files
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.keypoints import coco, mediapipe, mmpose, openpose
+from tracker_node.loaders.keypoints import coco, mediapipe, openpose
 from tracker_node.loaders.keypoints.formats import load_points
 
 PARTS = ("nose", "left_paw", "right_paw", "tail")
@@ -23,13 +23,13 @@ def some_json(folder, kind):
         return file, lambda path: openpose.read(path.parent)
     if kind == "mmpose images":
         file = next(files.write_mmpose_images(folder / "cam1", files.some_people(17)[:1]).iterdir())
-        return file, lambda path: mmpose.read(path.parent)
+        return file, lambda path: coco.of_mmpose(path.parent)
     if kind == "mmpose":
-        return files.write_mmpose_video(folder / "a.json", files.some_people(4), PARTS), mmpose.read
+        return files.write_mmpose_video(folder / "a.json", files.some_people(4), PARTS), coco.of_mmpose
     if kind == "mediapipe":
         file = files.write_mediapipe_json(folder / "a.json", files.some_people(33), 640, 480)
         return file, lambda path: {"a": mediapipe.of_json(path)}
-    return files.write_coco(folder / "a.json", files.some_people(17)), lambda path: {"a": coco.of_json(path)}
+    return files.write_coco(folder / "a.json", files.some_people(17)), lambda path: {"a": coco.of_coco(path)}
 
 
 @pytest.mark.parametrize("kind", ["openpose", "mmpose images", "mmpose", "mediapipe", "coco"])

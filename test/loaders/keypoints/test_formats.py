@@ -8,7 +8,8 @@ import pytest
 
 from helpers.sources import point_files as files
 from tracker_node.errors import FileFormatError, MissingExtraError
-from tracker_node.loaders.keypoints import formats, names
+from tracker_node.loaders.keypoints import files as camera_files
+from tracker_node.loaders.keypoints import formats
 from tracker_node.loaders.keypoints.formats import detect, load_points
 
 PARTS = ("nose", "left_paw", "right_paw", "tail")
@@ -17,13 +18,13 @@ WIDTH, HEIGHT = 640, 480
 
 @pytest.mark.parametrize("order", ["coco_17", "coco_18", "halpe_26", "coco_wholebody_133"])
 def test_openpose(tmp_path, order):
-    images = files.some_people(len(names.ORDERS[order]))
+    images = files.some_people(len(camera_files.ORDERS[order]))
     for camera in ("cam1_json", "cam2_json"):
         files.write_openpose(tmp_path / "pose" / camera, images, first=7)
     assert detect(tmp_path / "pose") == formats.OPENPOSE
     points = load_points(tmp_path)  # the folder of the project
     assert sorted(points) == ["cam1_json", "cam2_json"]
-    assert points["cam1_json"].names == names.ORDERS[order]
+    assert points["cam1_json"].names == camera_files.ORDERS[order]
     files.same_people(points["cam2_json"], images)
 
 
@@ -32,7 +33,7 @@ def standing(order) -> np.ndarray:
     heights = {"head": 0.0, "nose": 0.1, "eye": 0.08, "ear": 0.09, "neck": 0.18, "shoulder": 0.2, "elbow": 0.35, "wrist": 0.5,
                "hip": 0.5, "knee": 0.75, "ankle": 0.95, "heel": 0.99, "big_toe": 1.0, "small_toe": 0.99}  # fmt: skip
     rows = []
-    for name in names.ORDERS[order]:
+    for name in camera_files.ORDERS[order]:
         side = {"left": 40.0, "right": -40.0}.get(name.partition("_")[0], 0.0)
         part = name.removeprefix("left_").removeprefix("right_").removeprefix("mid_")
         rows.append([300.0 + side, 50.0 + 380.0 * heights[part], 0.9])
@@ -42,7 +43,7 @@ def standing(order) -> np.ndarray:
 @pytest.mark.parametrize("order", ["body_25", "body_25b"])
 def test_the_two_orders_of_25_points_are_told_apart(tmp_path, order):
     files.write_openpose(tmp_path / "cam1", [standing(order)] * 3)
-    assert load_points(tmp_path)["cam1"].names == names.ORDERS[order]
+    assert load_points(tmp_path)["cam1"].names == camera_files.ORDERS[order]
 
 
 def test_missing_files_of_images_leave_the_others_their_numbers(tmp_path):
@@ -56,13 +57,13 @@ def test_missing_files_of_images_leave_the_others_their_numbers(tmp_path):
 
 @pytest.mark.parametrize("order", ["coco_17", "halpe_26", "coco_wholebody_133"])
 def test_mmpose(tmp_path, order):
-    images = files.some_people(len(names.ORDERS[order]))
+    images = files.some_people(len(camera_files.ORDERS[order]))
     files.write_mmpose_images(tmp_path / "predictions" / "left", images)
     assert detect(tmp_path / "predictions") == formats.MMPOSE
     files.same_people(load_points(tmp_path / "predictions")["left"], images)
     file = files.write_mmpose_video(tmp_path / "right.json", images)
     people = load_points(file)["right"]
-    assert people.names == names.ORDERS[order] and people[0][0].score == 0.9
+    assert people.names == camera_files.ORDERS[order] and people[0][0].score == 0.9
     files.same_people(people, images)
 
 
@@ -92,7 +93,7 @@ def test_mediapipe(tmp_path):
     people = load_points(file)["cam1"]
     with pytest.raises(ValueError, match="for_images"):
         people[0]
-    assert people.names == names.BLAZEPOSE_33
+    assert people.names == camera_files.BLAZEPOSE_33
     files.same_people(people.for_images(WIDTH, HEIGHT), images)
     file = files.write_mediapipe_csv(tmp_path / "cam2.csv", images, WIDTH, HEIGHT)
     assert detect(file) == formats.MEDIAPIPE
@@ -178,7 +179,7 @@ def test_the_real_clip(shared_data, tmp_path):
     path = shared_data / "pose2sim_balancing/openpose_body25b_json.zip"
     points = load_points(path)
     assert {key: len(people) for key, people in points.items()} == {f"cam{i}_json": 100 for i in (1, 2, 3, 4)}
-    assert all(people.names == names.BODY_25B for people in points.values())
+    assert all(people.names == camera_files.BODY_25B for people in points.values())
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path / "pose")
     unpacked = load_points(tmp_path)

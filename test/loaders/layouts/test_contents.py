@@ -4,10 +4,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tracker_node.loaders.layouts.foxglove import foxglove_layout
-from tracker_node.loaders.layouts.plotjuggler import plotjuggler_layout
-from tracker_node.loaders.layouts.rviz import rviz_layout
-from tracker_node.loaders.layouts.viewed_graph import ViewedGraph, color_of
+from tracker_node.loaders.layouts import ViewedGraph, color_of, foxglove_layout, plotjuggler_layout, rviz_layout
 
 GRAPH = ViewedGraph(("left", "right", "top"), (("knee", 4), ("elbow", 0), ("hip", 2)), "room", namespace="/lab/")
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.loaders.layouts.viewed_graph import ViewedGraph, color_of, joints_to_plot
+from tracker_node.loaders.layouts import ViewedGraph, color_of, joints_to_plot
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 

@@ -7,7 +7,7 @@ import pytest
 
 from helpers.sources.tables import read_numbers
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.motion.motion_file import CovariancesWriter, VelocitiesWriter, read_covariances
+from tracker_node.loaders.motion.trajectory_file import CovariancesWriter, VelocitiesWriter, read_covariances
 from tracker_node.model.kinematic_chain import ROOT_DOF_NAMES
 
 NAMES = (*ROOT_DOF_NAMES, "knee_flexion", "slide")

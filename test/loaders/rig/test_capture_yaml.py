@@ -2,7 +2,7 @@
 
 import pytest
 
-from tracker_node.camera.capture_settings import CaptureSettings
+from tracker_node.camera.rig import CaptureSettings
 from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders.rig.capture_yaml import CaptureEntry, capture_entry, changed_settings, split_change
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.rig.dlt_text import dump_dlt, load_dlt
+from tracker_node.loaders.rig.control_points import dump_dlt, load_dlt
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from tracker_node.errors import CalibrationError, FileFormatError, UnknownNameEr
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.rig.calibration_toml import DIALECTS, dump_calibration_toml, load_pose2sim
 from tracker_node.loaders.rig.camera_info import dump_camera_info, load_camera_info
-from tracker_node.loaders.rig.dlt_text import dump_dlt, load_dlt
+from tracker_node.loaders.rig.control_points import dump_dlt, load_dlt
 from tracker_node.loaders.rig.formats import detect, detect_all, dropped
 from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
 from tracker_node.loaders.rig.qualisys_xml import dump_qualisys, load_qualisys

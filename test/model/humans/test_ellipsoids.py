@@ -8,7 +8,7 @@ from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State, to_variables, variable_names
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.measures import mirrored_name
-from tracker_node.model.humans.surfaces18 import ellipsoid_human, equivalent_ellipsoid
+from tracker_node.model.humans.segments18 import ellipsoid_human, equivalent_ellipsoid
 from tracker_node.model.shapes.nurbs import Loft, Section, loft_mesh
 from tracker_node.model.shapes.primitives import Ellipsoid
 

@@ -8,11 +8,10 @@ import pytest
 from helpers.bodies.bodies import mirrored_states, random_state
 from tracker_node.calibration.body import model_stature
 from tracker_node.geometry import se3
-from tracker_node.loaders.model.model_yaml import dump_model, load_model
+from tracker_node.loaders.model.model_yaml import HUMANS, dump_model, load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.measures import HumanMeasures, mirrored_name
-from tracker_node.model.humans.named import HUMANS
 from tracker_node.objective.constraints.collision import CollisionObjective
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.constraints import neutral_information

@@ -3,7 +3,7 @@
 import pytest
 
 from tracker_node.errors import UnknownNameError
-from tracker_node.loaders.keypoints import names
+from tracker_node.loaders.keypoints import files
 from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.keypoints import TABLES, table_of
 from tracker_node.model.humans.measures import mirrored_name
@@ -17,7 +17,7 @@ ORDERS = {
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_the_table_of_a_detector(order):
-    assert table_of(names.ORDERS[order]) == TABLES[ORDERS[order]]
+    assert table_of(files.ORDERS[order]) == TABLES[ORDERS[order]]
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -45,5 +45,5 @@ def test_other_detectors_need_a_table():
 
 
 def test_each_point_has_one_name():
-    for order in names.ORDERS.values():
+    for order in files.ORDERS.values():
         assert len(set(order)) == len(order)

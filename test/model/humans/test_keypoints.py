@@ -11,7 +11,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE, expected_offsets, relative_size
 from tracker_node.model.humans.measures import HumanMeasures, mirrored_name
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.model.shape_parameters import ShapeSpace
 from tracker_node.observation.keypoints.blazepose import NAMES
 

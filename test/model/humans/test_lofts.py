@@ -9,8 +9,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans import segments18 as m
-from tracker_node.model.humans.segments18 import body_lofts
-from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
+from tracker_node.model.humans.segments18 import body_lofts, ellipsoid_human, nurbs_human
 from tracker_node.model.shapes.nurbs import LoftedSolid, loft_surface
 from tracker_node.render.raycast.raycaster import render_mask
 

@@ -9,12 +9,11 @@ import pytest
 from helpers.bodies.bodies import crane, random_state
 from tracker_node.cli.main import main
 from tracker_node.errors import ModelError
-from tracker_node.evaluation.motion.mass_center import mass_center
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import gait_human, human_model
-from tracker_node.model.humans.masses import SEGMENTS, inertials, present
+from tracker_node.model.humans.masses import SEGMENTS, inertials, mass_center, present
 from tracker_node.model.humans.measures import HumanMeasures
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 
 KG = 70.0
 

@@ -6,8 +6,7 @@ Published figures hold for this body; what changes it has to change them.
 import numpy as np
 import pytest
 
-from tracker_node.model.humans.segments18 import body_chain, body_landmarks
-from tracker_node.model.humans.surfaces18 import nurbs_human
+from tracker_node.model.humans.segments18 import body_chain, body_landmarks, nurbs_human
 
 CHAIN = body_chain()
 # Joint: parent, child, place in the parent in millimeters; the right side is its mirror image.

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from helpers.bodies.bodies import crane
+from tracker_node.model.clothes import _OF_OTHERS, _SURFACES, expected_surfaces
 from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.measures import mirrored_name
-from tracker_node.model.humans.surfaces import _OF_OTHERS, _SURFACES, expected_surfaces
 
 HUMAN = human_model()
 MEANS, SIGMAS = expected_surfaces(HUMAN)

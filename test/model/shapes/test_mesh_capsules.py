@@ -6,7 +6,7 @@ import trimesh
 
 from helpers.bodies.mesh_solids import ball, box, cone, is_inside, joined, outer_vertices, rod
 from tracker_node.geometry import so3
-from tracker_node.model.humans.surfaces18 import nurbs_human
+from tracker_node.model.humans.segments18 import nurbs_human
 from tracker_node.model.shapes.capsules import capsules_in_mesh
 from tracker_node.model.shapes.primitives import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, Mesh, point_gaps
 

@@ -17,7 +17,7 @@ from tracker_node.geometry import se3, so3
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.objective.color.alignment import PhotometricObjective, PhotometricOptions
 from tracker_node.objective.color.score import ColorObjective, ColorOptions

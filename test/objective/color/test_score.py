@@ -15,7 +15,7 @@ from tracker_node.camera.rig import CameraRig
 from tracker_node.experiments.cross.throw import yellow_stick
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.objective.color.score import ColorObjective, ColorOptions, Outcome
 from tracker_node.parallel import Workers
 from tracker_node.render.raycast.raycaster import render_color

@@ -9,10 +9,9 @@ from helpers.bodies.bodies import gantry, random_state
 from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape
-from tracker_node.model.configuration import Configuration, State
+from tracker_node.model.configuration import Configuration, Neighbor, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
-from tracker_node.model.neighbors import Neighbor
 from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
 from tracker_node.objective.constraints.collision import CollisionObjective, round_cone_gap
 from tracker_node.objective.constraints.prior import Prior, SumObjective

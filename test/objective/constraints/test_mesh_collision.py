@@ -12,7 +12,7 @@ from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.model.urdf_writer import urdf_of
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
-from tracker_node.model.humans.surfaces18 import ellipsoid_human, nurbs_human
+from tracker_node.model.humans.segments18 import ellipsoid_human, nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Mesh
 from tracker_node.objective.constraints.collision import CollisionObjective

@@ -15,7 +15,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.errors import UnknownNameError
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.humans.surfaces18 import ellipsoid_human
+from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
 from tracker_node.render.backends import BACKENDS, make_renderer
 from tracker_node.render.opengl.renderer import PyrenderRenderer

@@ -16,8 +16,8 @@ from benchmark.clothed.person._body import MANNEQUIN
 from benchmark.ros.points import clothed
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
-from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 from tracker_node.model.humans.human import human_model
 from tracker_node.tracking.estimate import Status

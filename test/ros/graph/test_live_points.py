@@ -19,9 +19,9 @@ from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.message_types import stamp_ns_of
 from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.loaders.model.state_yaml import dump_state
-from tracker_node.loaders.pose_weights import pose_weights
 from tracker_node.loaders.rig.rig_yaml import rig_file_of, write_rig_file
 
 pytestmark = pytest.mark.long

@@ -17,8 +17,7 @@ from tracker_node.ros.conversions import image_message
 from tracker_node.ros.qos import images_published
 from tracker_node.ros.tracker.image_inbox import InboxOptions
 from tracker_node.ros.tracker.node import TrackerNode
-from tracker_node.ros.tracker.options import TrackerOptions
-from tracker_node.ros.tracker.setup import SetupBuilder, TrackingSetup
+from tracker_node.ros.tracker.setup import SetupBuilder, TrackerOptions, TrackingSetup
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.warm_up import SmallTrackers
 

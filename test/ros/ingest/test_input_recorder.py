@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel
+from tracker_node.camera.rig import CaptureSettings
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.ros.ingest.cameras import IngestCamera
 from tracker_node.ros.ingest.outlet import InputRecorder, _encoding

@@ -6,9 +6,8 @@ import threading
 import numpy as np
 
 from helpers.ros.processes import wait_until
-from tracker_node.camera.capture_settings import CaptureSettings
 from tracker_node.camera.model import CameraModel
-from tracker_node.camera.rig import Camera
+from tracker_node.camera.rig import Camera, CaptureSettings
 from tracker_node.loaders.images.live_capture import Connection, LiveSource
 from tracker_node.loaders.images.recorded_source import SourceOptions
 from tracker_node.ros.ingest.cameras import IngestCamera

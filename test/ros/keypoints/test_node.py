@@ -18,7 +18,7 @@ from tracker_node.ros.conversions import image_message, message_of
 from tracker_node.ros.keypoints.node import KeypointsNode, KeypointsOptions
 from tracker_node.ros.qos import images_published
 from tracker_node.runs.messages import crops
-from tracker_node.runs.points import detected_people
+from tracker_node.runs.messages.people import detected_people
 
 CAMERAS = {"cam1": "cam1_optical_frame", "cam2": "cam2_optical_frame"}
 PERIOD_NS = 33_333_333

@@ -9,7 +9,7 @@ from sensor_msgs.msg import Image
 from tracker_msgs.msg import Keypoints
 
 from tracker_node.errors import TrackerError
-from tracker_node.loaders.pose_weights import pose_weights
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.qos import images_published
 

@@ -18,7 +18,7 @@ from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.people import Person
 from tracker_node.ros.conversions import image_message, message_of, stamp_ns_of
 from tracker_node.ros.qos import RESULT, images_published
-from tracker_node.ros.tracker import keypoint_inbox, point_matching
+from tracker_node.ros.tracker import keypoint_inbox
 from tracker_node.ros.tracker.image_inbox import InboxOptions
 from tracker_node.ros.tracker.node import TrackerNode, TrackerOptions
 from tracker_node.runs.messages import crops_in, keypoints
@@ -88,7 +88,7 @@ def points(camera: str, stamp_ns: int, n_people: int = 1) -> Keypoints:
 
 @pytest.fixture
 def build(probe, recording, monkeypatch):
-    monkeypatch.setattr(point_matching, "_PATIENCE_S", 0.0)
+    monkeypatch.setattr(keypoint_inbox, "_PATIENCE_S", 0.0)
     benches = []
 
     def make(*arguments) -> Bench:
@@ -120,7 +120,7 @@ def test_points_in_time_go_with_their_set_and_late_ones_with_the_next(build):
 
 def test_points_are_waited_for_where_every_set_is_tracked(build, monkeypatch):
     bench = build()
-    monkeypatch.setattr(point_matching, "_PATIENCE_S", 20.0)
+    monkeypatch.setattr(keypoint_inbox, "_PATIENCE_S", 20.0)
     bench.send(5)
     bench.put(5, ["cam1", "cam2"])
     until_s = time.monotonic() + 0.3

@@ -6,7 +6,7 @@ import pytest
 
 from helpers.ros.held_tracker import HeldTracker
 from helpers.ros.samples import small_rig, some_state, tracked_arm
-from tracker_node.ros.tracker.options import TrackerMaker, TrackerOptions
+from tracker_node.ros.tracker.setup import TrackerMaker, TrackerOptions
 from tracker_node.tracking.config import TrackerConfig, from_dict
 
 MODEL = tracked_arm()
@@ -51,7 +51,7 @@ def test_another_maker_is_given_everything_in_its_order(rig):
 def test_code_is_made_ready_once_for_each_configuration(rig, monkeypatch):
     warmed, config = [], TrackerConfig()
     other = from_dict({"threads": 1})
-    monkeypatch.setattr("tracker_node.ros.tracker.options.warm_up", lambda *args: warmed.append(args))
+    monkeypatch.setattr("tracker_node.ros.tracker.setup.warm_up", lambda *args: warmed.append(args))
     state = some_state(MODEL)
     maker = TrackerMaker(TrackerOptions(rig, MODEL, initial_state=state))
     for wanted in (config, config, other, other):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.ros.tracker import point_matching
-from tracker_node.ros.tracker.point_matching import PointMatching
-from tracker_node.runs.points import DetectedPeople
+from tracker_node.ros.tracker import keypoint_inbox
+from tracker_node.ros.tracker.keypoint_inbox import PointMatching
+from tracker_node.runs.messages.people import DetectedPeople
 
 PERIOD_NS = 33_333_333
 PIXELS = np.zeros((4, 4, 3), np.uint8)
@@ -149,7 +149,7 @@ def test_nothing_is_waited_for_where_nobody_wants_it(bench):
 
 
 def test_a_camera_without_points_is_waited_for_once_whatever_the_others_have(bench, monkeypatch):
-    monkeypatch.setattr(point_matching, "_PATIENCE_S", 0.3)
+    monkeypatch.setattr(keypoint_inbox, "_PATIENCE_S", 0.3)
     bench.put(5)
     assert waited_s(bench, 5, cameras=("cam", "other")) >= 0.3
     bench.put(6)
@@ -158,7 +158,7 @@ def test_a_camera_without_points_is_waited_for_once_whatever_the_others_have(ben
 
 
 def test_a_detector_that_sends_nothing_is_waited_for_once(bench, monkeypatch):
-    monkeypatch.setattr(point_matching, "_PATIENCE_S", 0.3)
+    monkeypatch.setattr(keypoint_inbox, "_PATIENCE_S", 0.3)
     assert waited_s(bench, 5) >= 0.3
     assert waited_s(bench, 6) < 0.1
     bench.put(6)  # it is there again

@@ -14,7 +14,7 @@ from tracker_node.api.recording import Recording
 from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.images.source import SourceOptions
-from tracker_node.loaders.keypoints.names import BODY_25B
+from tracker_node.loaders.keypoints.files import BODY_25B
 from tracker_node.loaders.motion.trajectory_file import read_joints
 from tracker_node.loaders.motion.trc import load_trc
 from tracker_node.loaders.rig.calibration_toml import load_pose2sim

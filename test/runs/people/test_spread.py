@@ -9,8 +9,7 @@ import pytest
 from helpers.bodies.detected_people import seen_by, standing
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.observation.image_set import CameraImage, ImageSet
-from tracker_node.runs.people.detection import Expecting
-from tracker_node.runs.people.spread import people_of_sets
+from tracker_node.runs.people.detection import Expecting, people_of_sets
 
 RIG = circle_rig(3)
 PEOPLE = dict(zip(RIG.names, seen_by(RIG, standing()), strict=True))

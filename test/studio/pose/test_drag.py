@@ -10,8 +10,8 @@ from helpers.cameras.render_scenes import LENSES, look_at
 from helpers.cameras.small_clip import body
 from helpers.numeric.finite_difference import assert_jacobian
 from tracker_node.geometry import se3, so3
+from tracker_node.loaders.fetched_files import data_file
 from tracker_node.loaders.model.model_yaml import load_model
-from tracker_node.loaders.sample_files import data_file
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.studio.pose.drag import Grip, drag, moving_dofs, pixel_jacobian
 

@@ -8,7 +8,7 @@ import numpy as np
 from helpers.studio.small_studio import Recording, recording
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import State
-from tracker_node.model.scaling import LinkScale, scaled_by_link
+from tracker_node.model.variants import LinkScale, scaled_by_link
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker

@@ -18,8 +18,7 @@ from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.keypoints import BLAZEPOSE, LandmarkPoint, relative_size
-from tracker_node.model.proportions import expected_lengths
-from tracker_node.model.shape_parameters import ShapeSpace
+from tracker_node.model.shape_parameters import ShapeSpace, expected_lengths
 from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.people import People, Person
 from tracker_node.runs.people.recorded import PointFiles, open_recorded_people

@@ -23,7 +23,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE
 from tracker_node.model.humans.measures import HumanMeasures
-from tracker_node.model.parts import without_links
+from tracker_node.model.variants import without_links
 from tracker_node.observation.keypoints.people import Person
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.keypoints.fitting import KeypointFitting

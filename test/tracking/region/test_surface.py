@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tracker_node.model.clothes import expected_surfaces
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.measures import HumanMeasures
-from tracker_node.model.humans.surfaces import expected_surfaces
 from tracker_node.objective.lines.surfaces import SurfaceSums
 from tracker_node.tracking.config import KeypointConfig
 from tracker_node.tracking.region.modality import SurfaceFilter

@@ -10,7 +10,7 @@ from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.errors import TrackerError
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.keypoints import BLAZEPOSE, expected_offsets
-from tracker_node.model.scaling import scaled_uniformly
+from tracker_node.model.variants import scaled_uniformly
 from tracker_node.runs.loop import TrackingLoop
 from tracker_node.tracking.config import TrackerConfig, from_dict
 from tracker_node.tracking.estimate import Status

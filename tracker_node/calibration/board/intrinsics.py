@@ -9,9 +9,8 @@ import numpy as np
 
 from ...camera.model import CameraModel
 from ...errors import CalibrationError
-from .adjustment import BoardAdjustmentOptions, BoardObservations, BoardState, adjust_boards
+from .adjustment import N_PLACE, BoardAdjustmentOptions, BoardObservations, BoardState, adjust_boards
 from .board import Board, BoardView
-from .equations import N_PLACE
 from .start import board_poses, initial_lens
 from .views import BoardTimeStep, chosen
 

@@ -11,11 +11,10 @@ import numpy as np
 
 from ...camera.model import CameraModel
 from ...geometry import se3
-from ...report.page import PageSection, write_page
+from ...report.html import PageSection, write_page
 from ..points.triangulation import reproject, triangulate
-from .adjustment import BoardObservations
+from .adjustment import CLOCK, N_PLACE, BoardObservations
 from .board import BoardView
-from .equations import CLOCK, N_PLACE
 from .intrinsics import LensCalibration
 from .lens_parameters import COEFFICIENTS, lens_vector
 from .refinement import rows_of, view_errors

@@ -12,12 +12,10 @@ from matplotlib.figure import Figure
 from ...camera.rig import Camera, CameraRig, axes_equations
 from ...errors import CalibrationError
 from ...loaders.images.source import open_camera_source
-from ...loaders.images.timecode import DAY_S, Timecode, read_timecode
-from ...loaders.sound_file import read_sound
+from ...loaders.images.video_tracks import DAY_S, Timecode, read_sound, read_timecode
 from ...parallel import Workers
 from ...render.palette import CYCLE
-from .blinking import seen_blinking
-from .flashes import Flashes, flash_lags, seen_flashes
+from .flashes import Flashes, flash_lags, seen_blinking, seen_flashes
 from .motion import MOST_AT_ONCE, Lag, beginning, measured_motions, pairs_that_agree
 from .offsets import ClockOptions, Clocks, clocks_of_pairs, estimate_clocks
 from .sound import SPEED_OF_SOUND, Heard, sound_lags

@@ -93,6 +93,20 @@ class Refinement:
             metrics[f"refine.rms_{when}_px"] = math.sqrt(square / max(total, 1))
         return metrics
 
+    def table(self) -> str:
+        """The metrics of each camera as lines, then those of all."""
+        lines = [f"{'camera':12} {'joints':>7} {'rms px':>16} {'median px':>16} {'moved':>9} {'turned':>9} {'late':>12}"]
+        for name, camera in self.cameras.items():
+            rms = f"{camera.rms_before_px:6.2f} -> {camera.rms_after_px:6.2f}"
+            median = f"{camera.median_before_px:6.2f} -> {camera.median_after_px:6.2f}"
+            moves = f"{1000 * camera.moved_m:6.1f} mm {math.degrees(camera.turned_rad):5.2f} deg {camera.lag_images:z5.2f} images"
+            lines.append(f"{name:12} {camera.n_points:7d} {rms} {median} {moves}")
+        overall = self.metrics()
+        rms = f"{overall['refine.rms_before_px']:.2f} -> {overall['refine.rms_after_px']:.2f} px"
+        lines.append(f"all cameras: rms {rms}; the joints move by")
+        shift = f"{overall['refine.joint_shift_mm']:.1f} mm (rms)"
+        return "\n".join([*lines, f"{shift}, the world frame stays ({self.iterations} iterations)"])
+
 
 def load_joints(path: str | Path, rig: CameraRig) -> np.ndarray:
     """Joints of one person in the files of any detector (`collect_joints`).

@@ -16,7 +16,7 @@ from ...model.shape_parameters import half_extents
 from ...observation.image_set import ImageSet
 from ...render.overlay import draw_overlay
 from ...render.raycast.extent import body_extent
-from ...report.page import PageSection, write_page
+from ...report.html import PageSection, write_page
 from .body_fit import BodyFit, BodyFitReport, LineMetrics
 from .rig_fit import RigFit
 from .robot_fit import RobotFit

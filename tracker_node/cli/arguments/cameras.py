@@ -72,6 +72,8 @@ def add_sources_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
+UNITS = ("m", "cm", "mm")  # of `calibration.imported`
+
 _PAIR = re.compile(r"([0-9]{1,6})x([0-9]{1,6})", re.IGNORECASE)
 _IMAGE = "WIDTHxHEIGHT in pixels, such as 640x480"
 

@@ -62,7 +62,7 @@ def fill_in(args: argparse.Namespace, built_in: Mapping[str, Any]) -> RecordingF
         raise TrackerError("what is tracked: give a recording.yaml, or --rig and --model")
     for name, (own, of_body) in by_body(args, recording).items():
         if of_body is not None and of_body.evaluate is not None:
-            from ...evaluation.recording_entry import check_evaluation
+            from ...evaluation.run_review import check_evaluation
             from ...loaders.model.model_yaml import load_model
 
             where = f"{args.recording}, bodies.{name}" if name else args.recording

@@ -9,8 +9,39 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...errors import without_password
+import numpy as np
+
+from ...errors import FileFormatError, without_password
 from ...loaders.source_address import relocated
+
+
+def add_person_argument(parser: argparse._ActionsContainer) -> None:
+    """``--person X Y Z``.
+
+    Parameters
+    ----------
+    parser : of a verb, or a group of its arguments.
+    """
+    parser.add_argument(
+        "--person", nargs=3, type=float, metavar=("X", "Y", "Z"),
+        help="of several people, the one nearest to this place, meters (default: nearest to where the cameras look)",
+    )  # fmt: skip
+
+
+def place_of_person(args: argparse.Namespace) -> np.ndarray | None:
+    """(3,) meters, world, of the command line; None where no person is named.
+
+    Raises
+    ------
+    FileFormatError : it is not finite.
+    """
+    if args.person is None:
+        return None
+    place = np.array(args.person)
+    if not np.isfinite(place).all():
+        raise FileFormatError("command line", "--person", "a place in meters", args.person)
+    return place
+
 
 _FILES = ("rig", "model", "initial_state", "occluders", "config")
 

@@ -1,59 +1,44 @@
-"""Verbs that are made of others: ``tracker_node <verb> <what>``, each a module of the package ``tracker_node.cli.<verb>``."""
+"""Verbs that are made of others: ``tracker_node <verb> <what>``; the module of the verb lists them as ``SUBVERBS``."""
 
 from __future__ import annotations
 
 import argparse
-import importlib
-import importlib.util
-import pkgutil
 import shlex
-from keyword import iskeyword
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 
-def subverbs(verb: str) -> list[str]:
-    """Names of a verb's sub-verbs: the public modules of its package; none for a verb that is a module itself."""
-    package = f"tracker_node.cli.{verb}"
-    found = importlib.util.find_spec(package)
-    places = (found.submodule_search_locations if found else None) or []
-    return sorted(m.name.rstrip("_") for m in pkgutil.iter_modules(places) if not m.name.startswith("_"))
+class Subverb(NamedTuple):
+    """One of the verbs that a verb is made of; ``summary`` and ``example`` are what ``--help`` says."""
+
+    name: str
+    summary: str
+    example: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace], int]
 
 
-def module_of(verb: str, what: str) -> str:
-    """Module of a sub-verb; one that is a word of Python's, such as ``import``, has an underscore behind it.
-
-    Parameters
-    ----------
-    verb, what : such as ``rig`` and ``import``.
-
-    Returns
-    -------
-    name : for ``importlib``.
-    """
-    return f"tracker_node.cli.{verb}.{what}{'_' if iskeyword(what) else ''}"
-
-
-def add_subverbs(parser: argparse.ArgumentParser, verb: str) -> None:
+def add_subverbs(parser: argparse.ArgumentParser, subverbs: Iterable[Subverb]) -> None:
     """Add the sub-verbs and their arguments; the chosen one is run by `run_subverb`.
 
     Parameters
     ----------
     parser : of the verb.
-    verb : its name.
+    subverbs : in the order of their names.
     """
-    names = subverbs(verb)
-    subparsers = parser.add_subparsers(dest="what", required=True, metavar="{" + ",".join(names) + "}")
-    for name in names:
-        module = importlib.import_module(module_of(verb, name))
+    subverbs = tuple(subverbs)
+    subparsers = parser.add_subparsers(dest="what", required=True, metavar="{" + ",".join(each.name for each in subverbs) + "}")
+    for each in subverbs:
         subparser = subparsers.add_parser(
-            name,
-            help=module.SUMMARY,
-            description=module.SUMMARY,
-            epilog=f"example:\n  {module.EXAMPLE}",
+            each.name,
+            help=each.summary,
+            description=each.summary,
+            epilog=f"example:\n  {each.example}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        module.add_arguments(subparser)
-        subparser.set_defaults(run_subverb=module.run)
+        each.add_arguments(subparser)
+        subparser.set_defaults(run_subverb=each.run)
 
 
 def run_subverb(args: argparse.Namespace) -> int:

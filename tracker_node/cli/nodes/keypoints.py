@@ -63,7 +63,7 @@ def _within(kind: type, least: int, most: int) -> Callable[[str], float]:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ...loaders.pose_weights import detector_name, usable_weights
+    from ...loaders.fetched_files import detector_name, usable_weights
     from ...loaders.rig.rig_yaml import load_rig
     from ...ros.executor import attach, ros_process, spin
     from ...ros.keypoints.node import KeypointsNode, KeypointsOptions

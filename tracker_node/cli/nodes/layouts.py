@@ -26,10 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from ...errors import FileFormatError, TrackerError
-    from ...loaders.layouts.foxglove import write_foxglove_layout
-    from ...loaders.layouts.plotjuggler import write_plotjuggler_layout
-    from ...loaders.layouts.rviz import write_rviz_layout
-    from ...loaders.layouts.viewed_graph import ViewedGraph, joints_to_plot
+    from ...loaders.layouts import ViewedGraph, joints_to_plot, write_foxglove_layout, write_plotjuggler_layout, write_rviz_layout
     from ...loaders.model.model_yaml import load_model
     from ...loaders.recording_yaml import load_recording
     from ...loaders.rig.rig_yaml import load_rig

@@ -207,7 +207,7 @@ def _detector_options(
 ) -> list[str] | None:
     """Options of the node keypoints; None where it is not started, which is said where points are wanted."""
     from ...errors import TrackerError
-    from ...loaders.pose_weights import usable_weights
+    from ...loaders.fetched_files import usable_weights
 
     if args.keypoints == "off" or (args.keypoints == "auto" and not wanted):
         return None

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ...camera.rig import CameraRig
     from ...ros.tracker.image_inbox import InboxOptions
     from ...ros.tracker.node import TrackerNode
-    from ...ros.tracker.options import BodyOptions, TrackerOptions
+    from ...ros.tracker.setup import BodyOptions, TrackerOptions
     from ...tracking.together.joining import JoiningOptions
 
 SUMMARY = "track a body in the images of ROS cameras"
@@ -124,7 +124,7 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     from ...loaders.keypoints.table import load_keypoint_table
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
-    from ...ros.tracker.options import BodyOptions, TrackerOptions
+    from ...ros.tracker.setup import BodyOptions, TrackerOptions
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
 
@@ -168,7 +168,7 @@ def _bodies(args: argparse.Namespace) -> tuple[dict[str, BodyOptions], JoiningOp
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
     from ...loaders.recording_yaml import load_recording
-    from ...ros.tracker.options import BodyOptions
+    from ...ros.tracker.setup import BodyOptions
     from ...tracking.together.joining import USUAL, JoiningOptions
 
     for name in ("initial_state", "joint_states"):

@@ -17,6 +17,7 @@ from ...loaders.csv_file import CsvWriter, exact
 from ...loaders.motion.trc import METERS_PER_UNIT
 from ...loaders.whole_file import whole_file
 from ...model.articulated import ArticulatedModel
+from ...model.humans.masses import mass_center
 from ...runs.data import RunData
 from ...runs.motion import LOST, RunMotion, at_constant_rate, motion_of_run
 from .coordinates import model_coordinates, opensim_coordinates
@@ -24,7 +25,6 @@ from .export import AT_CONSTANT_RATE, ExportOptions
 from .export import FORMATS as WRITERS
 from .isb_angles import isb_angles
 from .kinematics import SHORTEST, StateKinematics, derivatives, state_kinematics
-from .mass_center import mass_center
 
 FORMATS = ("trc", "mot", "sto", "c3d", "bvh", "tum", "csv")
 WHERE = "export"  # what a `FileFormatError` of these options names as the file

@@ -9,17 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from ...model.configuration import ROOT_NAMES, variable_names
+from ...model.humans.masses import mass_center
 from ...render.palette import BLACK, CYCLE
-from ...report.document import Block, Curve, Curves, Document, DocumentSection, Line, Pictures
-from ...report.figure_files import file_name, write_figure_files
+from ...report.document import Block, Curve, Curves, Document, DocumentSection, Line, Pictures, file_name, write_figure_files
 from ...report.html import render_html
 from ...report.metrics_file import made_by, today, write_metrics
 from ...report.pdf import write_pdf
 from ..masks.silhouettes import Picture, contact_sheet
 from ..motion.inverse_kinematics import write_coordinates
-from ..motion.mass_center import mass_center
+from ..pose_metrics import ROWS
 from ..review import Review
-from ..state_errors import ROWS
 from . import charts, kinematics, summary, tables
 from .scene import scene
 from .summary import Target

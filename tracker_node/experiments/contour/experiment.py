@@ -19,8 +19,8 @@ from ...model.kinematic_chain import KinematicChain
 from ...model.shapes.primitives import TruncatedCone
 from ...observation.chamfer.distance_transform import distance_to
 from ...observation.image_set import CameraImage, ImageSet
+from ...report.html import PageSection, text_table, write_page
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import PageSection, text_table, write_page
 from ...report.progress import say
 from ...synthesis.dataset import N_BACKGROUNDS
 from ...synthesis.recording import default_motions

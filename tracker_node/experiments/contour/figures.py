@@ -23,7 +23,7 @@ from ...render.overlay import draw_overlay
 from ...render.palette import BLACK, BLUE, GRAY, GREEN, ORANGE, RED
 from ...render.raycast.raycaster import render_labels
 from ...render.shape_arrays import ShapeArrays
-from ...report.page import PageSection
+from ...report.html import PageSection
 from ...tracking.config import TrackerConfig
 from ..plots import Profile, body_box, plain_axes, save
 from .clips import Clip, TrackedClip

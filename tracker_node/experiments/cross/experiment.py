@@ -18,15 +18,14 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import N_ROOT, ROOT_NAMES, Configuration, State, to_variables
 from ...render.overlay import masked_image
 from ...render.palette import BLUE, GRAY, GREEN, ORANGE, PURPLE
+from ...report.html import PageSection, text_table, write_page
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import PageSection, text_table, write_page
 from ...report.progress import say
 from ..plots import plan_figure, save
 from ..rigid_tracking import UNITS, VARIABLES, pose_error
-from .methods import AS_PUBLISHED, BEST, METHODS, camera_times, track
+from .methods import AS_PUBLISHED, BEST, METHODS, camera_times, track, velocities
 from .scene import cross_scene
 from .throw import FIELD_PERIOD_S
-from .video_tracking import velocities
 
 PAPER = {"side": (10.0, 3.0), "twist": (17.0, 9.0)}  # mm and degrees that the rms differences to digitizing stay below
 FIGURES = {"side": (7, 9), "twist": (8, 10)}  # numbers in the paper

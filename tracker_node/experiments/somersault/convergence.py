@@ -15,8 +15,8 @@ from ...optimize.robust_fit import align_robustly
 from ...optimize.simplex import search_simplex
 from ...optimize.stepping import step_downhill
 from ...parallel import Workers
+from ...report.html import PageSection, write_page
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import PageSection, write_page
 from ...report.progress import say
 from ..plots import Profile, convergence_figure, save, success_figure
 from ..rigid_tracking import LABELS, UNITS, VARIABLES, basin, profile, success_rate

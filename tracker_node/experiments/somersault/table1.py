@@ -17,14 +17,13 @@ from ...optimize.robust_fit import align_robustly
 from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...optimize.stepping import FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
 from ...parallel import Workers
+from ...report.html import PageSection, text_table, write_page
 from ...report.metrics_file import format_metrics, write_metrics
-from ...report.page import PageSection, text_table, write_page
 from ...report.progress import say
 from .. import rigid_tracking as experiments
 from ..plots import save, sequence_figure
 from ..rigid_tracking import LABELS, PAPER_EVALUATIONS_PER_VARIABLE, PAPER_RMS, UNITS, VARIABLES
-from .scene import BACKENDS, somersault_scene
-from .surface_distance import segment_distances
+from .scene import BACKENDS, segment_distances, somersault_scene
 
 ORDER = (0, 1, 2, 3, 4, 5)  # in which variables are stepped: A-P, lateral, vertical, then the angles
 TABLE_ORDER = (2, 0, 1, 3, 4, 5)  # that of the rows of Table 1

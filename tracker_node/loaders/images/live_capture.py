@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...camera.capture_settings import CaptureSettings
+from ...camera.rig import CaptureSettings
 from ...errors import SourceError, TrackerError, without_password
 from ..source_address import DEVICE, SourceAddress
 from .v4l2_device import VideoDevice

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...camera.capture_settings import CaptureSettings
+from ...camera.rig import CaptureSettings
 from ...errors import SourceError
 from ..decoding import Preparation, SourceImage, content_size
 from .stamps import MOST_NS, common_ns, describe, period_ns

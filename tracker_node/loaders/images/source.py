@@ -17,14 +17,20 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...camera.capture_settings import CaptureSettings
-from ...camera.rig import Camera, CameraRig
+from ...camera.rig import Camera, CameraRig, CaptureSettings
 from ...errors import CalibrationError, SourceError, without_password
 from ...observation.deinterlace import check_field_order, check_interlaced, deinterlace
 from ..decoding import SourceImage, check_fields
 from ..source_address import BAG, parse_source
-from .bag_source import BagSource, topic_of_camera
-from .file_sources import DEFAULT_FOLDER_RATE_HZ, IMAGE_SUFFIXES, FolderSource, VideoSource, list_images
+from .file_sources import (
+    DEFAULT_FOLDER_RATE_HZ,
+    IMAGE_SUFFIXES,
+    BagSource,
+    FolderSource,
+    VideoSource,
+    list_images,
+    topic_of_camera,
+)
 from .recorded_source import ImageSource, ReadCounts, SourceOptions
 from .stamps import field_times, file_times, load_stamp_file
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...camera.capture_settings import CaptureSettings
+from ...camera.rig import CaptureSettings
 from ...errors import SourceError, UnknownNameError
 
 # linux/videodev2.h; struct v4l2_capability, v4l2_queryctrl, v4l2_control

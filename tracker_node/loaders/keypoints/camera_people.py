@@ -13,8 +13,7 @@ import numpy as np
 
 from ...errors import FileFormatError, UnknownNameError
 from ...observation.keypoints.people import People, Person
-from .files import image_number
-from .names import names_of
+from .files import image_number, names_of
 
 MOST_PEOPLE = 1000
 """In one image."""

@@ -7,18 +7,18 @@ from pathlib import Path
 
 from ...errors import FileFormatError
 from ..whole_file import check_regular
-from . import coco, deeplabcut, mediapipe, mmpose, openpose, sleap
+from . import animals, coco, mediapipe, openpose
 from .camera_people import PeopleOfImages, PointsByCamera
 from .files import POINTS_BYTES, camera_keys, files_of, read_points_json
 from .hdf5 import is_hdf5, open_hdf5
 
 OPENPOSE, MMPOSE, MEDIAPIPE, DEEPLABCUT, SLEAP, COCO = "openpose", "mmpose", "mediapipe", "deeplabcut", "sleap", "coco"
-_BY_FOLDER = {OPENPOSE: openpose.read, MMPOSE: mmpose.read}
+_BY_FOLDER = {OPENPOSE: openpose.read, MMPOSE: coco.of_mmpose}
 _BY_FILE: dict[str, dict[str, Callable[[Path], PeopleOfImages]]] = {  # readers by the ends of names; the first for all others
     MEDIAPIPE: {".json": mediapipe.of_json, ".csv": mediapipe.of_csv},
-    DEEPLABCUT: {".h5": deeplabcut.of_hdf5, ".csv": deeplabcut.of_csv},
-    SLEAP: {".h5": sleap.of_hdf5, ".csv": sleap.of_csv},
-    COCO: {".json": coco.of_json},
+    DEEPLABCUT: {".h5": animals.of_deeplabcut_hdf5, ".csv": animals.of_deeplabcut_csv},
+    SLEAP: {".h5": animals.of_sleap_hdf5, ".csv": animals.of_sleap_csv},
+    COCO: {".json": coco.of_coco},
 }
 _KNOWN = (
     "points of OpenPose or Pose2Sim (JSON), MMPose or RTMPose (JSON), MediaPipe (JSON, CSV), DeepLabCut or anipose (H5, CSV),"
@@ -46,7 +46,7 @@ def detect(path: str | Path) -> str:
     check_regular(file, 10 * POINTS_BYTES)
     if is_hdf5(file):
         with open_hdf5(file) as opened:
-            return SLEAP if sleap.is_analysis(opened) else DEEPLABCUT
+            return SLEAP if animals.is_analysis(opened) else DEEPLABCUT
     if file.suffix.lower() == ".zip":
         return OPENPOSE
     if file.suffix.lower() == ".csv":
@@ -106,7 +106,7 @@ def _of_json(file: Path) -> str:
         return OPENPOSE
     if coco.is_result(content):
         return COCO
-    if mmpose.is_video(content) or (isinstance(content, dict) and "instances" in content):
+    if coco.is_video(content) or (isinstance(content, dict) and "instances" in content):
         return MMPOSE
     if isinstance(content, list) and (not content or (isinstance(content[0], dict) and "keypoint_scores" in content[0])):
         return MMPOSE

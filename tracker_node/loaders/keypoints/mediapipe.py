@@ -19,8 +19,7 @@ import numpy as np
 from ...errors import FileFormatError
 from ..csv_file import CsvCells, CsvTable
 from .camera_people import FoundPerson, PeopleOfImages, found_points
-from .files import is_number, number_or_nan, read_points_json
-from .names import check_names
+from .files import check_names, is_number, number_or_nan, read_points_json
 
 _NUMBERS = ("frame", "frame_id", "frame_number", "frame_idx", "image")
 _LANDMARKS = ("pose_landmarks", "landmarks")

@@ -19,8 +19,7 @@ from ...errors import FileFormatError
 from ..json_values import parse_json
 from ..whole_file import ARCHIVE_BYTES, MB, read_bytes
 from .camera_people import PeopleOfImages
-from .files import by_folder, numbered_files
-from .names import BODY_25, BODY_25B
+from .files import BODY_25, BODY_25B, by_folder, numbered_files
 
 _ORDERS = ("body_25b", "coco_17", "coco_18", "halpe_26", "coco_wholebody_133")
 _CHAIN = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"), ("ankle", "heel"))

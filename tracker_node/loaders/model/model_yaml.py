@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -11,7 +12,8 @@ import numpy as np
 from ...errors import FileFormatError, ModelError
 from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel, Landmark, Shape
-from ...model.humans.named import HUMANS
+from ...model.humans.human import gait_human, human_model
+from ...model.humans.segments18 import ellipsoid_human, nurbs_human
 from ...model.kinematic_chain import Axis, Following, Joint, KinematicChain
 from ...model.shapes.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
 from ...model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
@@ -21,11 +23,18 @@ from .mesh_file import read_mesh, read_texture, write_mesh, write_texture
 from .model_file import AxisEntry, BoxEntry, ConeEntry, DescribedFile, EllipsoidEntry, LoftEntry, ModelFile, ShapeEntry
 from .urdf import load_urdf
 
+HUMANS: Mapping[str, Callable[[], ArticulatedModel]] = {  # by words that may stand wherever a model file may be named
+    "human": human_model,
+    "gait_human": gait_human,
+    "ellipsoid_human": ellipsoid_human,
+    "nurbs_human": nurbs_human,
+}
+
 
 def load_model(path: str | Path) -> ArticulatedModel:
     """Body of a model file or of a robot description (``.urdf``); meshes and textures are searched relative to its folder.
 
-    A word of `model.humans.named`, such as ``gait_human``, is that body, unless a file has this name. A model file may name a
+    A word of `HUMANS`, such as ``gait_human``, is that body, unless a file has this name. A model file may name a
     description, with the geometry that is seen.
 
     Raises

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from ...camera.capture_settings import CaptureSettings
+from ...camera.rig import CaptureSettings
 from ...errors import TrackerError
 from ..file_model import FileModel, PositiveNumber, problem, validate
 from ..yaml_file import parse_value

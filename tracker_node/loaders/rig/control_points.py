@@ -1,8 +1,11 @@
-"""Points clicked on in the images, of known place (control points) or of unknown place (clicks): CSV files.
+"""Points clicked on in the images, of known place (control points) or unknown place (clicks), as CSV; DLT coefficients as text.
 
 Control points have columns ``camera,point,x,y,z,u,v``: one line for each camera that shows a point; meters in the world, pixels
 of the images. Before anybody has clicked on them, only their places are known: a file ``point,x,y,z``. Clicks on points of
 unknown place have columns ``camera,point,u,v``.
+
+Coefficients are eleven lines, a column per camera, commas or blanks between (as Argus and DLTdv write them):
+``u = (L1 x + L2 y + L3 z + L4) / (L9 x + L10 y + L11 z + 1)`` and so on, with ``v`` downward as everywhere here.
 """
 
 from __future__ import annotations
@@ -12,9 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...errors import FileFormatError
 from ..csv_file import CsvCells, CsvTable, CsvWriter, exact
+from ..whole_file import read_text, write_whole
 
 COLUMNS = ("camera", "point", "x", "y", "z", "u", "v")
 PLACE_COLUMNS = ("point", "x", "y", "z")
@@ -123,3 +128,41 @@ def _named_rows(path: str | Path, columns: Sequence[str]) -> Iterator[tuple[CsvC
         yield row, camera, point
     if not seen:
         raise FileFormatError(path, "(file)", "one line at least", "none")
+
+
+N_COEFFICIENTS = 11
+
+
+def load_dlt(path: str | Path) -> np.ndarray:
+    """L1..L11 of each camera, (n_cameras, 11).
+
+    Raises
+    ------
+    FileFormatError : naming the line.
+    """
+    rows = [line.replace(",", " ").replace(";", " ").split() for line in read_text(path).splitlines() if line.strip()]
+    if len(rows) != N_COEFFICIENTS:
+        expected = f"{N_COEFFICIENTS} lines, one per coefficient, a column per camera"
+        raise FileFormatError(path, "(file)", expected, f"{len(rows)} lines")
+    columns = len(rows[0])
+    values = np.empty((columns, N_COEFFICIENTS))
+    for i, row in enumerate(rows):
+        try:
+            numbers = np.array(row, dtype=np.float64)
+        except ValueError as error:
+            raise FileFormatError(path, f"line {i + 1}", "numbers", " ".join(row)) from error
+        if len(numbers) != columns or not np.isfinite(numbers).all():
+            raise FileFormatError(path, f"line {i + 1}", f"{columns} numbers, one per camera", " ".join(row))
+        values[:, i] = numbers
+    return values
+
+
+def dump_dlt(coefficients: ArrayLike, path: str | Path) -> None:
+    """Write DLT coefficients, in place of what was there.
+
+    Parameters
+    ----------
+    coefficients, path : L1..L11 (n_cameras, 11); text file.
+    """
+    lines = [",".join(repr(float(value)) for value in row) for row in np.asarray(coefficients).T]
+    write_whole(path, "\n".join(lines) + "\n")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...errors import FileFormatError
 from ..whole_file import read_text
-from .dlt_text import N_COEFFICIENTS
+from .control_points import N_COEFFICIENTS
 from .rig_yaml import CameraEntry, RigFile
 
 TOML, CAMERA_INFO, OPENCV, QUALISYS, DLT, RIG = "toml", "camera_info", "opencv", "qualisys", "dlt", "rig"

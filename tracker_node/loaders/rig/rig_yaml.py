@@ -9,11 +9,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from ...camera.capture_settings import CaptureSettings
 from ...camera.distortion import COEFFICIENT_COUNTS
 from ...camera.light import Light
 from ...camera.model import CameraModel, plausible
-from ...camera.rig import Camera, CameraRig
+from ...camera.rig import Camera, CameraRig, CaptureSettings
 from ...errors import CalibrationError, FileFormatError, SourceError
 from ...geometry import se3
 from ..file_model import (

@@ -192,3 +192,27 @@ def _together(slabs: Sequence[_Slab], T_world_link: np.ndarray) -> Inertial:
         inertia += slab.inertia + slab.mass * ((r @ r) * np.eye(3) - np.outer(r, r))
     R = T_world_link[:3, :3]
     return Inertial(mass, R.T @ (center - T_world_link[:3, 3]), R.T @ inertia @ R)
+
+
+def mass_center(names: Sequence[str], points: np.ndarray) -> np.ndarray | None:
+    """Where the body's center of mass is.
+
+    Parameters
+    ----------
+    names : of the landmarks.
+    points : (..., n_landmarks, 3) meters.
+
+    Returns
+    -------
+    (..., 3) meters; None of a body that has not all of the landmarks, but for limbs that one side lacks.
+    """
+    segments = present(names)
+    if not segments:
+        return None
+    rows = {name: row for row, name in enumerate(names)}
+    total, center = 0.0, np.zeros((*points.shape[:-2], 3))
+    for segment in segments:
+        first, last = (points[..., [rows[name] for name in ends], :].mean(axis=-2) for ends in (segment.first, segment.last))
+        center += segment.mass * (first + segment.center * (last - first))
+        total += segment.mass
+    return center / total

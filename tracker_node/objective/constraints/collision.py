@@ -9,9 +9,8 @@ import numpy as np
 
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State, configured
+from ...model.configuration import Configuration, Neighbor, State, configured
 from ...model.kinematic_chain import KinematicChain
-from ...model.neighbors import Neighbor
 from ...model.shapes.primitives import END, END_RADIUS, N_CAPSULE, START, START_RADIUS, nearest_on
 from ...render.shape_arrays import MadeOnce
 from ..normal_equations import NormalEquations

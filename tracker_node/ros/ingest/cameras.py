@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ...camera.capture_settings import CaptureSettings
 from ...camera.model import CameraModel
-from ...camera.rig import Camera, CameraRig
+from ...camera.rig import Camera, CameraRig, CaptureSettings
 from ...errors import CalibrationError, SourceError, TrackerError, UnknownNameError
 from ...loaders.decoding import check_fields
-from ...loaders.images.bag_source import topic_of_camera
+from ...loaders.images.file_sources import topic_of_camera
 from ...loaders.images.live_capture import check_live_settings
 from ...loaders.images.source import (
     ImageSource,

@@ -23,8 +23,8 @@ from sensor_msgs.msg import CompressedImage, Image
 from ...errors import TrackerError
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.crop import Crop
+from ...runs.loop import SetFormation
 from ...runs.people.detection import Detector, people_in
-from ...runs.set_formation import SetFormation
 from ...tracking.config import SynchronizerConfig
 from ..conversions import bgr_of_compressed, decode_raw_image
 from ..diagnostics import QosMismatches

@@ -1,10 +1,17 @@
-"""The receiving end of a detector: points in messages are checked, and wait for the image sets that they are of."""
+"""The receiving end of a detector: points in messages are checked, and matched to the image sets that they are of.
+
+They are matched by their stamps, each once. Points of the images of a set that are there when it is tracked are used with it.
+Those that come later come with the next one, before which theirs and one of those since are fitted anew
+(`tracking.keypoints.late`). Everything else is counted by its reason.
+"""
 
 from __future__ import annotations
 
+import threading
 import time
-from collections import Counter
-from collections.abc import Collection
+from collections import Counter, deque
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -14,10 +21,177 @@ from rclpy.subscription import Subscription
 from tracker_msgs.msg import Keypoints
 
 from ...errors import CalibrationError, shown
-from ...runs.points import detected_people, with_known_names
+from ...observation.image_set import CameraImage, ImageSet
+from ...runs.messages.people import DetectedPeople, detected_people, with_known_names, with_people
+from ...tracking.keypoints.late import MOST_LATE_S
 from ..diagnostics import OK, WARN, Diagnostics, QosMismatches
 from ..qos import RESULT, overridable
-from .point_matching import IN_TIME, LATE, REASONS, UNMATCHED, PointMatching
+
+IN_TIME, LATE = "in time", "late"
+OVERTAKEN, TOO_OLD, DUPLICATE, UNMATCHED = "overtaken", "too old", "duplicate", "unmatched"
+REASONS = (IN_TIME, LATE, OVERTAKEN, TOO_OLD, DUPLICATE, UNMATCHED)
+"""What becomes of the points of one image.
+
+``in time``: used with the set of their image. ``late``: with a later one. ``overtaken``: later points of the camera were there.
+``too old``: by more than `MOST_LATE_S`, or before a backward jump of stamps. ``duplicate``: the same image had some already.
+``unmatched``: no image of the camera has such a stamp, or one within an image period of it.
+"""
+_MOST_LATE_NS = round(1e9 * MOST_LATE_S)
+_WINDOW_NS = 2 * _MOST_LATE_NS  # of stamps of images that are remembered, and by which points may be ahead of images
+_MOST_WAITING = 8  # points of a camera that may be ahead of its images
+_PATIENCE_S = 5.0  # a network takes a fraction of a second; less than what a source of images waits for the tracker
+_LOOK_S = 0.1
+
+
+@dataclass(eq=False)
+class _Lane:
+    """What is known of one camera."""
+
+    images_ns: deque[int] = field(default_factory=deque)  # of the window
+    first_ns: int | None = None  # stamp of the first image
+    waiting: dict[int, DetectedPeople] = field(default_factory=dict)  # stamp -> points, in the order of their arrival
+    had_ns: deque[int] = field(default_factory=lambda: deque(maxlen=64))
+    counts: Counter[str] = field(default_factory=Counter)
+    problem: str = ""
+    silent: bool = False  # a wait was in vain, and no points have come since
+
+
+class PointMatching:
+    """Points that wait, and the images that they may be of. Points may be put in from any thread.
+
+    Parameters
+    ----------
+    image_period_s : between two images of a camera, which stamps of points may be off where an image was lost.
+    """
+
+    def __init__(self, image_period_s: float):
+        self._tolerance_ns = round(1e9 * image_period_s)
+        self._lock = threading.Condition()
+        self._lanes: dict[str, _Lane] = {}
+
+    def counts(self) -> dict[str, Counter[str]]:
+        """Camera -> what became of its points, and how many wait."""
+        with self._lock:
+            return {camera: lane.counts + Counter(waiting=len(lane.waiting)) for camera, lane in self._lanes.items()}
+
+    def problems(self) -> dict[str, str]:
+        """Camera -> why its latest points match no image; of those that do nothing."""
+        with self._lock:
+            return {camera: lane.problem for camera, lane in self._lanes.items() if lane.problem}
+
+    def _lane(self, camera: str) -> _Lane:
+        return self._lanes.setdefault(camera, _Lane())
+
+    def put(self, camera: str, detected: DetectedPeople) -> None:
+        """Points have come.
+
+        Parameters
+        ----------
+        camera, detected : of one image.
+        """
+        with self._lock:
+            self._lock.notify_all()
+            lane = self._lane(camera)
+            lane.silent = False
+            if detected.stamp_ns in lane.had_ns:
+                lane.counts[DUPLICATE] += 1
+                return
+            lane.had_ns.append(detected.stamp_ns)
+            lane.waiting[detected.stamp_ns] = detected
+            if len(lane.waiting) > _MOST_WAITING:
+                self._drop(lane, min(lane.waiting), TOO_OLD if lane.images_ns else UNMATCHED)
+
+    def wait(self, image_set: ImageSet, given_up: Callable[[], bool]) -> None:
+        """Wait until the points of a set have come, or cannot come any more.
+
+        A detector that sends points of a later image has left this one out. One that sends none of a camera is waited for once:
+        which detectors there are is not asked, since a publisher may be discovered later than its first message is due.
+
+        Parameters
+        ----------
+        image_set : the next one to be tracked.
+        given_up : whether nobody wants the set any more.
+        """
+        until_s = time.monotonic() + _PATIENCE_S
+        with self._lock:
+            while not given_up():
+                lanes = [(self._lane(image.camera), image.stamp_ns) for image in image_set.images]
+                awaited = [lane for lane, ns in lanes if not lane.silent and max(lane.had_ns, default=-1) < ns]
+                if not awaited:
+                    return
+                if time.monotonic() > until_s:
+                    for lane in awaited:
+                        lane.silent = True
+                    return
+                self._lock.wait(_LOOK_S)
+
+    def saw(self, image: CameraImage) -> None:
+        """An image has come that may be tracked."""
+        with self._lock:
+            lane = self._lane(image.camera)
+            images_ns = lane.images_ns
+            lane.first_ns = image.stamp_ns if lane.first_ns is None else lane.first_ns
+            images_ns.append(image.stamp_ns)
+            while images_ns[0] < image.stamp_ns - _WINDOW_NS:
+                images_ns.popleft()
+
+    def restart(self) -> None:
+        """Stamps went back, or tracking begins anew: what was before is over."""
+        with self._lock:
+            for lane in self._lanes.values():
+                lane.counts[TOO_OLD] += len(lane.waiting)
+                lane.waiting.clear()
+                lane.images_ns.clear()
+                lane.first_ns = None
+                lane.had_ns.clear()
+
+    def attached(self, image_set: ImageSet) -> ImageSet:
+        """A set that is tracked next, with the newest points that there are of each camera.
+
+        Parameters
+        ----------
+        image_set : with images of which nobody is known.
+
+        Returns
+        -------
+        With people in some of its images.
+        """
+        with self._lock:
+            return replace(image_set, images=tuple(map(self._attached, image_set.images)))
+
+    def _attached(self, image: CameraImage) -> CameraImage:
+        lane, chosen = self._lane(image.camera), None
+        for stamp_ns in sorted(lane.waiting, reverse=True):
+            reason = self._reason(lane, stamp_ns, image.stamp_ns)
+            if reason == "":
+                continue  # of an image that has not been tracked yet
+            if reason in (IN_TIME, LATE):
+                lane.problem = ""
+                if chosen is None:
+                    chosen, lane.counts[reason] = lane.waiting.pop(stamp_ns), lane.counts[reason] + 1
+                    continue
+                reason = OVERTAKEN
+            self._drop(lane, stamp_ns, reason)
+        return image if chosen is None else with_people(image, chosen)
+
+    def _reason(self, lane: _Lane, stamp_ns: int, image_ns: int) -> str:
+        if stamp_ns == image_ns:
+            return IN_TIME
+        if stamp_ns > image_ns:
+            return "" if stamp_ns <= image_ns + _WINDOW_NS else UNMATCHED
+        near = any(abs(stamp_ns - other_ns) <= self._tolerance_ns for other_ns in lane.images_ns)
+        if image_ns - stamp_ns > _MOST_LATE_NS:
+            forgotten = lane.first_ns is not None and lane.first_ns <= stamp_ns < lane.images_ns[0]
+            return TOO_OLD if near or forgotten else UNMATCHED
+        return LATE if near else UNMATCHED
+
+    def _drop(self, lane: _Lane, stamp_ns: int, reason: str) -> None:
+        del lane.waiting[stamp_ns]
+        lane.counts[reason] += 1
+        if reason == UNMATCHED:
+            newest = f", {1e-9 * (stamp_ns - lane.images_ns[-1]):+.3f} s from its newest image" if lane.images_ns else ""
+            lane.problem = f"points at {stamp_ns} ns match no image{newest}"
+
 
 MOST_BYTES = 64 * 2**20  # of one message; sixteen people in an image of 12 megapixels have less
 _SILENT_S = 10.0  # without any points, which a detector at 1 Hz never is

@@ -31,13 +31,11 @@ from .camera_diagnostics import CameraDiagnostics
 from .diagnostics import TrackerDiagnostics
 from .heap import keep_for_ever
 from .image_inbox import ImageInbox
-from .keypoint_inbox import KeypointInbox
-from .options import TrackerMaker, TrackerOptions
+from .keypoint_inbox import KeypointInbox, PointMatching
 from .outputs import BodiesOutput, TrackerOutputs
 from .parameters import ConfigParameters, FixedParameter
-from .point_matching import PointMatching
 from .services import TrackerServices
-from .setup import UNCALIBRATED, SetupBuilder, TrackingSetup
+from .setup import UNCALIBRATED, SetupBuilder, TrackerMaker, TrackerOptions, TrackingSetup
 from .worker import TrackingWorker
 
 __all__ = ["TrackerNode", "TrackerOptions"]

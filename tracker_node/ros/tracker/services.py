@@ -16,7 +16,7 @@ from ...model.configuration import State, refuse_implausible
 from ...tracking.config import KEYPOINTS
 from ..conversions import transform_of_pose, values_with_changes
 from ..qos import RESULT
-from .options import TrackerOptions
+from .setup import TrackerOptions
 from .worker import TrackingWorker
 
 

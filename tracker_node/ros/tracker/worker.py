@@ -15,15 +15,14 @@ from ...errors import TrackerError
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...observation.image_set import CameraImage, ImageSet
-from ...runs.loop import StartRequest, TrackingLoop
-from ...runs.set_formation import SetFormation
+from ...runs.loop import SetFormation, StartRequest, TrackingLoop
 from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.estimate import Status, TrackEstimate, unknown_estimate
 from ...tracking.together.bodies import Bodies
 from ..joint_states import JointStateInbox
 from .command_thread import CommandThread
 from .image_inbox import ImageInbox, Received
-from .point_matching import PointMatching
+from .keypoint_inbox import PointMatching
 from .setup import INACTIVE, PAUSED, UNCALIBRATED, StartRequests, TrackingSetup, WorkerCounts
 
 _AT_ONCE = 4  # image sets that may wait in a graph that is watched live: a search takes as long as three, 0.1 s at 30 Hz

@@ -1,13 +1,13 @@
 """People in the images of an offline run: a detector looks where the tracker expects the body, before each step.
 
 Where it looks depends on the states before, and on nothing else: the same run finds the same people. A live tracker gets them
-from a node of their own instead.
+from a node of their own instead. `people_of_sets` detects people in whole images, where nobody knows yet where the body is.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
@@ -17,13 +17,14 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...errors import FileFormatError, TrackerError
-from ...loaders.pose_weights import detector_name, usable_weights
+from ...loaders.fetched_files import detector_name, usable_weights
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.blazepose import BlazePose, PointNetwork
 from ...observation.keypoints.crop import Crop
 from ...observation.keypoints.people import People, Person, checked
 from ...parallel import Workers
 from ...tracking.config import KEYPOINTS, TrackerConfig
+from ...tracking.modality import PeopleSeen
 
 AROUND_S = 0.3  # between searches of whole images where people may join, who are known after two
 _SAME = 0.1  # median distance of points, as a fraction of a person's size, within which two are one
@@ -220,3 +221,58 @@ def _detectors(options: DetectionOptions, n: int) -> list[Detector]:
         expected = "a network with the inputs and outputs of pose_landmark_full.tflite"
         raise FileFormatError(files.points, "(network)", expected, str(error).splitlines()[0]) from error
     return [BlazePose(files) for _ in range(n)]
+
+
+FindPeople = Callable[[Expecting, ImageSet], ImageSet]
+
+
+class Recording(Protocol):
+    """Image sets of a rig, such as an `ImageSetStream`; ``n_expected``: how many, where that is known."""
+
+    @property
+    def rig(self) -> CameraRig: ...
+
+    @property
+    def n_expected(self) -> int | None: ...
+
+    def __iter__(self) -> Iterator[ImageSet]: ...
+
+
+class _Anywhere:
+    """Expects nobody at any place."""
+
+    def __init__(self, n_cameras: int):
+        self._n_cameras = n_cameras
+
+    def expected_crops(self, stamp_ns: int) -> list[tuple[Crop, ...]]:
+        return [()] * self._n_cameras
+
+
+def people_of_sets(
+    recording: Recording, n_sets: int, find: FindPeople, progress: Callable[[str, int, int], None] = lambda *_: None
+) -> list[PeopleSeen]:
+    """Everybody in some image sets, spread over a recording.
+
+    Parameters
+    ----------
+    recording : its first sets are taken where its length is not known.
+    n_sets : image sets, at most.
+    find : `with_people` of a `PeopleDetection`, or of `RecordedPeople`.
+    progress : called with what is done, how often it has been done, and how often it will be.
+
+    Returns
+    -------
+    By image set and camera, empty where a camera has no image.
+    """
+    n = min(n_sets, recording.n_expected or n_sets)
+    wanted = {k * (recording.n_expected or n) // n for k in range(n)}
+    nowhere, found = _Anywhere(len(recording.rig)), list[PeopleSeen]()
+    for row, image_set in enumerate(recording):
+        if row in wanted:
+            seen = find(nowhere, image_set)
+            of_camera = {image.camera: image.people or () for image in seen.images}
+            found.append([of_camera.get(name, ()) for name in recording.rig.names])
+            progress("people", len(found), n)
+            if len(found) == n:
+                break
+    return found

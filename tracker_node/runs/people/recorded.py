@@ -26,7 +26,7 @@ from ...model.humans.keypoints import KeypointTable, table_of
 from ...model.humans.measures import mirrored_name
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.people import People, Person
-from ..points import DetectedPeople, detected_people
+from ..messages.people import DetectedPeople, detected_people
 
 ImageNumbers = Mapping[str, Mapping[int, int]]
 """Camera -> stamp, ns -> number of the image in its source, from 0."""

@@ -12,8 +12,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
-from ...model.neighbors import Neighbor
+from ...model.configuration import Neighbor, State
 from ...objective.chamfer.correspondences import ContourBody, ContourCorrespondences, ContourOptions, EvidenceMaps
 from ...objective.constraints.prior import Prior
 from ...objective.per_camera import bodies_seen

@@ -18,8 +18,7 @@ from ...geometry import se3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.humans.keypoints import BLAZEPOSE, KeypointTable, LandmarkPoint, expected_offsets
-from ...model.proportions import expected_lengths
-from ...model.shape_parameters import ShapeSpace
+from ...model.shape_parameters import ShapeSpace, expected_lengths
 from ...objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, U, V
 from ...objective.shape_jacobian import landmarks_D_shape
 from ...optimize.descent import descend

@@ -15,10 +15,9 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State, configured
+from ...model.clothes import expected_surfaces
+from ...model.configuration import Neighbor, State, configured
 from ...model.humans.keypoints import relative_size
-from ...model.humans.surfaces import expected_surfaces
-from ...model.neighbors import Neighbor
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, LineOptions, Offsets, PartEvidence, View
 from ...objective.lines.surfaces import N_UNKNOWNS, Surfaces, SurfaceSums
 from ...observation.region.colors import distinctness

@@ -16,8 +16,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State, configured
-from ...model.neighbors import Neighbor
+from ...model.configuration import Neighbor, State, configured
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.crop import Crop
 from ...parallel import Workers

@@ -1,0 +1,188 @@
+"""Rigs from calibrations of other programs, and from trials of their projects.
+
+Of a trial come lenses, places and videos together, in meters and upright.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..camera.rig import LARGEST_ROOM_M, Camera, CameraRig
+from ..errors import FileFormatError
+from ..loaders.images.source import open_camera_source_of_any_size, size_contradiction
+from ..loaders.projects import ProjectTrial, videos_by_camera
+from ..loaders.rig.calibration_toml import load_pose2sim
+from ..loaders.rig.camera_info import load_camera_info
+from ..loaders.rig.control_points import load_dlt
+from ..loaders.rig.formats import CAMERA_INFO, DLT, OPENCAP, OPENCV, QUALISYS, RIG, TOML, detect_all
+from ..loaders.rig.opencap_pickle import load_opencap
+from ..loaders.rig.opencv_storage import load_opencv
+from ..loaders.rig.qualisys_xml import load_qualisys
+from ..loaders.rig.rig_yaml import load_rig
+from .points.dlt import camera_of_parameters
+from .world_frame import UP, up_of_cameras, upright
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+
+def import_rig(
+    kind: str,
+    files: Sequence[str],
+    size: tuple[int, int] | None,
+    unit: str | None,
+    like: str | None,
+    tell: Callable[[str], None],
+) -> CameraRig:
+    """The rig in files that belong together.
+
+    Parameters
+    ----------
+    kind : format, see `loaders.rig.formats.detect_all`.
+    files : of that format.
+    size : (width, height) of the images, for files that do not say it.
+    unit : of the places in the file, one of `UNITS`; None: meters, or as the file says.
+    like : rig.yaml with the cameras' places, for lenses of ROS; None: all stand at the world's origin.
+    tell : called with a sentence where the places are unlikely to be meters.
+
+    Returns
+    -------
+    rig : in meters, without sources.
+
+    Raises
+    ------
+    FileFormatError : files that cannot be used, a size that is missing, or a unit where places are in meters already.
+    """
+    if unit is not None and kind in (CAMERA_INFO, OPENCAP, QUALISYS):
+        raise FileFormatError("command line", "--unit", f"none with {kind} files, whose rig is in meters already", unit)
+    return _in_meters(_load(kind, files, size, like), UNITS[unit or "m"], tell)
+
+
+def _load(kind: str, files: Sequence[str], size: tuple[int, int] | None, like: str | None) -> CameraRig:
+    if kind == CAMERA_INFO:
+        return _rig_of_lenses(files, like)
+    if kind == OPENCV:
+        return load_opencv(files, size)
+    if kind == OPENCAP:
+        return load_opencap(files)
+    if len(files) > 1:
+        raise FileFormatError(files[1], "(file)", f"one file with all cameras ({kind})", f"{len(files)} files")
+    if kind == DLT:
+        return _rig_of_dlt(files[0], size)
+    if kind == RIG:
+        raise FileFormatError(files[0], "(file)", "another program's calibration", "a rig.yaml, which needs no import")
+    return {TOML: load_pose2sim, QUALISYS: load_qualisys}[kind](files[0])
+
+
+def _rig_of_lenses(files: Sequence[str], like: str | None) -> CameraRig:
+    places = load_rig(like) if like else None
+    cameras: list[Camera] = []
+    for file in files:
+        name, model = load_camera_info(file)
+        if name in [camera.name for camera in cameras]:
+            raise FileFormatError(file, "camera_name", "a different name for each camera", name)
+        T_world_cam = places[name].T_world_cam if places is not None else np.eye(4)
+        cameras.append(Camera(name, model, T_world_cam))
+    return CameraRig(tuple(cameras), places.world_frame if places is not None else "world")
+
+
+def _rig_of_dlt(file: str, size: tuple[int, int] | None) -> CameraRig:
+    if size is None:
+        raise FileFormatError(file, "(file)", "the size of the images beside DLT coefficients: give it with --size", "none")
+    cameras = [camera_of_parameters(f"cam{i}", values, size) for i, values in enumerate(load_dlt(file), start=1)]
+    return CameraRig(tuple(cameras))
+
+
+def _in_meters(rig: CameraRig, unit: float, tell: Callable[[str], None]) -> CameraRig:
+    cameras = []
+    for camera in rig:
+        T_world_cam = camera.T_world_cam.copy()
+        T_world_cam[:3, 3] *= unit
+        cameras.append(replace(camera, T_world_cam=T_world_cam))
+    centers = np.array([camera.center for camera in cameras])
+    apart = np.linalg.norm(centers[:, None] - centers[None], axis=2)
+    if apart.max(initial=0.0) > LARGEST_ROOM_M:
+        tell(f"note: the cameras are {apart.max():.0f} m apart; if the file is in millimeters, say --unit mm")
+    return replace(rig, cameras=tuple(cameras))
+
+
+_LEAST_APART_M = 0.02
+_SAME_SHAPE = 2e-3  # relative difference of two sides' scales, where an image is resampled as a whole
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRig:
+    """``rig`` of the cameras that have a video; ``period_s`` between two images, of most of them."""
+
+    rig: CameraRig
+    period_s: float
+
+
+def rig_of_trial(
+    trial: ProjectTrial, calibration: Path | None = None, unit: str | None = None, tell: Callable[[str], None] = print
+) -> TrialRig:
+    """The rig of a trial.
+
+    Parameters
+    ----------
+    trial : of `loaders.projects.programs.find_trials`.
+    calibration : file in place of that which was found.
+    unit : of places in TOML files, see `UNITS`; None: that of the program.
+    tell : called with a sentence on what was decided here.
+
+    Returns
+    -------
+    The rig, in meters, with z up where the cameras tell what is up, and its videos as sources.
+
+    Raises
+    ------
+    TrackerError : no calibration or several, one that cannot be read, videos that fit no cameras or cannot be opened.
+    """
+    files = [str(path) for path in (trial.calibration if calibration is None else (calibration,))]
+    kind = detect_all(files) if files else TOML
+    if len(files) != 1 and kind != OPENCAP:
+        found = ", ".join(files) or "none"
+        raise FileFormatError(trial.folder, "(calibration)", "one for these videos; --calibration says which", found)
+    rig = import_rig(kind, files, None, (unit or trial.unit) if kind == TOML else unit, None, tell)
+    videos = videos_by_camera(trial, rig.names, tell)
+    stamps = None if trial.stamp_file is None else str(trial.stamp_file)
+    cameras = [replace(camera, source=str(videos[camera.name]), stamp_file=stamps) for camera in rig if camera.name in videos]
+    periods = []
+    for i, camera in enumerate(cameras):
+        source = open_camera_source_of_any_size(camera)
+        periods.append(1.0 / source.rate_hz)
+        cameras[i] = _in_pixels_of_video(camera, (source.native_width, source.native_height), tell)
+    return TrialRig(_upright(replace(rig, cameras=tuple(cameras)), tell), float(np.median(periods)))
+
+
+def _in_pixels_of_video(camera: Camera, size: tuple[int, int], tell: Callable[[str], None]) -> Camera:
+    """The camera for images that were resampled since they were calibrated."""
+    lens = camera.model
+    across, down = size[0] / lens.width, size[1] / lens.height
+    if size == (lens.width, lens.height):
+        return camera
+    if abs(across / down - 1.0) > _SAME_SHAPE:
+        problem = size_contradiction((lens.width, lens.height), size, str(camera.source))
+        tell(f"note: camera {camera.name}: {problem}; add a pixel_map to the rig (docs/cameras.md)")
+        return camera
+    tell(f"camera {camera.name}: its calibration, of {lens.width}x{lens.height}, is for images of {size[0]}x{size[1]} now")
+    return replace(camera, model=lens.resized(*size))
+
+
+def _upright(rig: CameraRig, tell: Callable[[str], None]) -> CameraRig:
+    centers = np.array([camera.center for camera in rig])
+    apart = float(np.linalg.norm(centers[:, None] - centers[None], axis=2).max())
+    if apart < _LEAST_APART_M:
+        tell(f"note: the cameras are at most {1000.0 * apart:.2f} mm apart; say with --unit what the calibration's unit is")
+    up = up_of_cameras(rig)
+    if up is None:
+        tell("note: the cameras do not tell which axis of the world is up, and z should be: see `tracker_node rig world`")
+        return rig
+    if up @ UP > 0.5:
+        return rig
+    axis = int(np.argmax(np.abs(up)))
+    tell(f"the world is turned: its axis {'-' if up[axis] < 0.0 else ''}{'xyz'[axis]}, which is up for the cameras, is z now")
+    return upright(up).rig(rig)
