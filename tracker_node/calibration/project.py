@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from ..camera.rig import Camera, CameraRig
 from ..errors import FileFormatError
-from ..loaders.images.source import open_camera_source_of_any_size, size_contradiction
+from ..loaders.images.source import open_camera_source_of_any_size
 from ..loaders.projects.trial import ProjectTrial, videos_by_camera
 from ..loaders.rig.formats import OPENCAP, TOML, detect_all
 from .points.imported_rig import import_rig
+from .video_pixels import rig_of_videos
 from .world_frame import UP, up_of_cameras, upright
 
 _LEAST_APART_M = 0.02
-_SAME_SHAPE = 2e-3  # relative difference of two sides' scales, where an image is resampled as a whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,11 @@ class TrialRig:
 
 
 def rig_of_trial(
-    trial: ProjectTrial, calibration: Path | None = None, unit: str | None = None, tell: Callable[[str], None] = print
+    trial: ProjectTrial,
+    calibration: Path | None = None,
+    unit: str | None = None,
+    tell: Callable[[str], None] = print,
+    pixels: Mapping[str, str] | None = None,
 ) -> TrialRig:
     """The rig of a trial.
 
@@ -39,6 +43,7 @@ def rig_of_trial(
     calibration : file in place of that which was found.
     unit : of places in TOML files, see `points.imported_rig.UNITS`; None: that of the program.
     tell : called with a sentence on what was decided here.
+    pixels : camera -> how its images have got another size than its calibration's, of `video_pixels.KINDS`, where that is open.
 
     Returns
     -------
@@ -57,26 +62,9 @@ def rig_of_trial(
     videos = videos_by_camera(trial, rig.names, tell)
     stamps = None if trial.stamp_file is None else str(trial.stamp_file)
     cameras = [replace(camera, source=str(videos[camera.name]), stamp_file=stamps) for camera in rig if camera.name in videos]
-    periods = []
-    for i, camera in enumerate(cameras):
-        source = open_camera_source_of_any_size(camera)
-        periods.append(1.0 / source.rate_hz)
-        cameras[i] = _in_pixels_of_video(camera, (source.native_width, source.native_height), tell)
-    return TrialRig(_upright(replace(rig, cameras=tuple(cameras)), tell), float(np.median(periods)))
-
-
-def _in_pixels_of_video(camera: Camera, size: tuple[int, int], tell: Callable[[str], None]) -> Camera:
-    """The camera for images that were resampled since they were calibrated."""
-    lens = camera.model
-    across, down = size[0] / lens.width, size[1] / lens.height
-    if size == (lens.width, lens.height):
-        return camera
-    if abs(across / down - 1.0) > _SAME_SHAPE:
-        problem = size_contradiction((lens.width, lens.height), size, str(camera.source))
-        tell(f"note: camera {camera.name}: {problem}; add a pixel_map to the rig (docs/cameras.md)")
-        return camera
-    tell(f"camera {camera.name}: its calibration, of {lens.width}x{lens.height}, is for images of {size[0]}x{size[1]} now")
-    return replace(camera, model=lens.resized(*size))
+    periods = [1.0 / open_camera_source_of_any_size(camera).rate_hz for camera in cameras]
+    with_videos = rig_of_videos(replace(rig, cameras=tuple(cameras)), pixels or {}, tell)
+    return TrialRig(_upright(with_videos, tell), float(np.median(periods)))
 
 
 def _upright(rig: CameraRig, tell: Callable[[str], None]) -> CameraRig:

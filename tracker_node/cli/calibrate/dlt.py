@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from ...loaders.source_address import sources_by_name
-from ..arguments.cameras import add_sources_argument, size_option
+from ..arguments.cameras import add_sources_argument, size_option, sources_of_cameras
 from ..arguments.run_images import refuse_to_overwrite
 
 SUMMARY = "make a rig from control points of known place, clicked on in one image of every camera (DLT)"
@@ -36,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
 
     refuse_to_overwrite(args, args.output)
     size, seen = size_option("--size", args.size), load_control_points(args.points)
-    sources = sources_by_name(args.sources, seen)
+    sources = sources_of_cameras(args.sources, list(seen), print)
     for name, points in seen.items():
         check_control_points(name, points, size)
     cameras = [replace(camera, source=sources[camera.name]) for camera in _fitted(seen, size, args.constraint)]

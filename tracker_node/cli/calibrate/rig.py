@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import numpy as np
+
+from ...camera.model import CameraModel
+from ...camera.rig import Camera, CameraRig
 from ...errors import FileFormatError
-from ...loaders.source_address import sources_by_name
 from ..arguments.board import add_board_arguments, board_of, detect, recordings_of, sources_of
-from ..arguments.cameras import add_sources_argument
+from ..arguments.cameras import add_pixel_map_argument, add_sources_argument, sources_of_cameras
 from ..arguments.run_images import refuse_to_overwrite
 
 SUMMARY = "make a rig from videos or image folders in which several cameras see a chessboard or a ChArUco board"
@@ -32,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--tolerance-ms", type=float, metavar="MS", help="images so near in time belong together (default: half a period)")
     add("--sets", type=int, default=100, metavar="N", help="image sets used at most (default: %(default)s)")
     add_sources_argument(parser)
+    add_pixel_map_argument(parser)
     add("--write-clocks", action="store_true", help="write clocks that are off as time_offset_s: for cameras that keep running")
     add("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
 
@@ -49,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
         write_rig_page,
     )
     from ...calibration.board.rig import calibrate_rig, check_for_rig, given_lenses, with_sources
+    from ...calibration.video_pixels import parsed_choices, rig_of_videos
     from ...loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
     from ...report.metrics_file import write_metrics
     from ...report.page import text_table
@@ -61,7 +66,9 @@ def run(args: argparse.Namespace) -> int:
     check_for_rig(board)
     begun_s = _by_sound(args) if args.clocks == "sound" else {}
     sources = sources_of(args, args.stamps, begun_s)
-    tracked_later = sources_by_name(args.sources, sources)
+    tracked_later = sources_of_cameras(args.sources, list(sources), print)
+    pixels = parsed_choices("--pixel-map", args.pixel_map)
+    rig_of_videos(_of_their_sizes(sources, tracked_later), pixels, lambda sentence: None)  # before what takes minutes
     options = _options(args)
     lenses = given_lenses(load_rig(args.lenses), sources) if args.lenses else None
     seen, left_out = detect(args, sources, board, least=2)
@@ -69,7 +76,8 @@ def run(args: argparse.Namespace) -> int:
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
     late_s = late_cameras(found)
     whole_s = {name: begun_s.get(name, 0.0) + late_s.get(name, 0.0) for name in found.rig.names}
-    rig = with_sources(found.rig, tracked_later, whole_s if args.write_clocks else {})
+    rig = with_sources(found.rig, {name: tracked_later.get(name) for name in sources}, whole_s if args.write_clocks else {})
+    rig = rig_of_videos(rig, pixels, print)
     write_rig_file(rig_file_of(rig), args.output, base_dir=".")
     for name, seconds in late_s.items():
         print(f"{name}: its images are {1e3 * seconds:.1f} ms later than they say, beside {found.rig.names[0]}")
@@ -91,6 +99,16 @@ def run(args: argparse.Namespace) -> int:
         print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the metrics are good enough")
     print(f"wrote {args.output}, {page}, {metrics_file} and {', '.join(map(str, files))}")
     return 1 if left_out else 0
+
+
+def _of_their_sizes(sources, tracked_later) -> CameraRig:
+    """Cameras of any lens and place, with the sizes that the calibration will be for."""
+    cameras = []
+    for name, source in sources.items():
+        width, height = source.native_width, source.native_height
+        lens = CameraModel(width, height, np.diag([width, width, 1.0]))
+        cameras.append(Camera(name, lens, np.eye(4), tracked_later.get(name)))
+    return CameraRig(tuple(cameras))
 
 
 def _by_sound(args: argparse.Namespace) -> dict[str, float]:

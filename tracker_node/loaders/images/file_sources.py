@@ -12,11 +12,10 @@ import cv2
 import numpy as np
 
 from ...errors import SourceError
-from ..decoding import JPEG, jpeg_size
+from ..decoding import IMAGE_SUFFIXES, JPEG, jpeg_size
 from .recorded_source import ImageSource
 from .stamps import varying_times
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
 _MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 READ_ON = 20  # images that are rather read in passing than jumped over
