@@ -5,7 +5,7 @@ Of a trial come lenses, places and videos together, in meters and upright.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..camera.rig import LARGEST_ROOM_M, Camera, CameraRig
 from ..errors import FileFormatError
-from ..loaders.images.source import open_camera_source_of_any_size, size_contradiction
+from ..loaders.images.source import open_camera_source_of_any_size
 from ..loaders.projects import ProjectTrial, videos_by_camera
 from ..loaders.rig.calibration_toml import load_pose2sim
 from ..loaders.rig.camera_info import load_camera_info
@@ -24,6 +24,7 @@ from ..loaders.rig.opencv_storage import load_opencv
 from ..loaders.rig.qualisys_xml import load_qualisys
 from ..loaders.rig.rig_yaml import load_rig
 from .points.dlt import camera_of_parameters
+from .video_pixels import rig_of_videos
 from .world_frame import UP, up_of_cameras, upright
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -110,7 +111,6 @@ def _in_meters(rig: CameraRig, unit: float, tell: Callable[[str], None]) -> Came
 
 
 _LEAST_APART_M = 0.02
-_SAME_SHAPE = 2e-3  # relative difference of two sides' scales, where an image is resampled as a whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,11 @@ class TrialRig:
 
 
 def rig_of_trial(
-    trial: ProjectTrial, calibration: Path | None = None, unit: str | None = None, tell: Callable[[str], None] = print
+    trial: ProjectTrial,
+    calibration: Path | None = None,
+    unit: str | None = None,
+    tell: Callable[[str], None] = print,
+    pixels: Mapping[str, str] | None = None,
 ) -> TrialRig:
     """The rig of a trial.
 
@@ -132,6 +136,7 @@ def rig_of_trial(
     calibration : file in place of that which was found.
     unit : of places in TOML files, see `UNITS`; None: that of the program.
     tell : called with a sentence on what was decided here.
+    pixels : camera -> how its images have got another size than its calibration's, of `video_pixels.KINDS`, where that is open.
 
     Returns
     -------
@@ -150,26 +155,9 @@ def rig_of_trial(
     videos = videos_by_camera(trial, rig.names, tell)
     stamps = None if trial.stamp_file is None else str(trial.stamp_file)
     cameras = [replace(camera, source=str(videos[camera.name]), stamp_file=stamps) for camera in rig if camera.name in videos]
-    periods = []
-    for i, camera in enumerate(cameras):
-        source = open_camera_source_of_any_size(camera)
-        periods.append(1.0 / source.rate_hz)
-        cameras[i] = _in_pixels_of_video(camera, (source.native_width, source.native_height), tell)
-    return TrialRig(_upright(replace(rig, cameras=tuple(cameras)), tell), float(np.median(periods)))
-
-
-def _in_pixels_of_video(camera: Camera, size: tuple[int, int], tell: Callable[[str], None]) -> Camera:
-    """The camera for images that were resampled since they were calibrated."""
-    lens = camera.model
-    across, down = size[0] / lens.width, size[1] / lens.height
-    if size == (lens.width, lens.height):
-        return camera
-    if abs(across / down - 1.0) > _SAME_SHAPE:
-        problem = size_contradiction((lens.width, lens.height), size, str(camera.source))
-        tell(f"note: camera {camera.name}: {problem}; add a pixel_map to the rig (docs/cameras.md)")
-        return camera
-    tell(f"camera {camera.name}: its calibration, of {lens.width}x{lens.height}, is for images of {size[0]}x{size[1]} now")
-    return replace(camera, model=lens.resized(*size))
+    periods = [1.0 / open_camera_source_of_any_size(camera).rate_hz for camera in cameras]
+    with_videos = rig_of_videos(replace(rig, cameras=tuple(cameras)), pixels or {}, tell)
+    return TrialRig(_upright(with_videos, tell), float(np.median(periods)))
 
 
 def _upright(rig: CameraRig, tell: Callable[[str], None]) -> CameraRig:

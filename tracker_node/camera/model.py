@@ -184,6 +184,26 @@ class CameraModel:
         sx, sy = width / self.width, height / self.height
         return self.mapped(np.array([[sx, 0.0, 0.5 * sx - 0.5], [0.0, sy, 0.5 * sy - 0.5]]), width, height)
 
+    def turned_clockwise(self) -> CameraModel:
+        """The lens of a camera that is turned so that its image appears turned clockwise by a quarter.
+
+        Returns
+        -------
+        Lens of the camera whose axes are x = -y, y = x of this one: width and height are exchanged.
+
+        Raises
+        ------
+        ValueError : a lens with a skew, which no turned one has a number for.
+        """
+        if self.K[0, 1] != 0.0:
+            raise ValueError(f"expected a lens without a skew, to be turned; got {self.K[0, 1]:g}")
+        K = np.diag([self.K[1, 1], self.K[0, 0], 1.0])
+        K[:2, 2] = self.height - 1 - self.K[1, 2], self.K[0, 2]
+        coefficients = self.distortion.copy()
+        if self.distortion_model in ("plumb_bob", "rational_polynomial"):
+            coefficients[2:4] = coefficients[3], -coefficients[2]  # p1 and p2 lie along the image's axes
+        return replace(self, width=self.height, height=self.width, K=K, distortion=coefficients)
+
 
 SHORTEST, LONGEST = 0.01, 1000.0  # focal lengths, in image sides
 FARTHEST = 10.0  # the principal point beyond the image, in image sides

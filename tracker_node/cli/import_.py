@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .arguments.cameras import UNITS
+from .arguments.cameras import UNITS, add_pixel_map_argument
 from .arguments.run_images import check, refuse_to_overwrite
 
 if TYPE_CHECKING:
@@ -18,8 +18,7 @@ EXAMPLE = (
     "tracker_node import OpenCapData_1234 --trial squats -o squats\n"
     "  tracker_node import freemocap_data/recording_sessions/session1 --stature 1.78 -o session1"
 )
-TRACKER, PERSON, RECORDING, TRIALS = "tracker.yaml", "person.yaml", "recording.yaml", "trials.yaml"
-_FREE_TOLERANCE = 0.7  # of cameras with stamps of their own, which do not expose together
+PERSON, RECORDING, TRIALS = "person.yaml", "recording.yaml", "trials.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--trial", nargs="+", metavar="NAME", help="only these trials (default: all; each of several gets a folder)")
     add("--calibration", type=Path, metavar="FILE", help="calibration in place of the project's")
     add("--unit", choices=UNITS, help="of places in a TOML calibration (default: mm of Anipose and FreeMoCap, m of the others)")
+    add_pixel_map_argument(parser)
     add("--stature", type=float, metavar="M", help="height of the person, meters (default: the project's, or 1.75)")
     add("-o", "--output", default="imported", metavar="DIR", help="folder to write (default: %(default)s)")
     add("--force", action="store_true", help="overwrite what is there")
@@ -75,17 +75,17 @@ def _write_trial(trial: ProjectTrial, name: str, folder: Path, output: Path, arg
     from os.path import relpath
 
     from ..calibration.imported import rig_of_trial
+    from ..calibration.video_pixels import parsed_choices
+    from ..loaders.recording_yaml import write_recording
     from ..loaders.rig.rig_yaml import rig_file_of, write_rig_file
-    from ..loaders.yaml_file import write_mapping
 
-    found = rig_of_trial(trial, args.calibration, args.unit, lambda sentence: print(f"{name}: {sentence}"))
+    pixels = parsed_choices("--pixel-map", args.pixel_map)
+    found = rig_of_trial(trial, args.calibration, args.unit, lambda sentence: print(f"{name}: {sentence}"), pixels)
     folder.mkdir(parents=True, exist_ok=True)
     write_rig_file(rig_file_of(found.rig), folder / "rig.yaml", base_dir=".")
-    synchronizer = {"image_period_s": round(found.period_s, 9)} | ({"tolerance": _FREE_TOLERANCE} if trial.stamp_file else {})
-    parameters = {"modalities": ["region", "keypoints"], "synchronizer": synchronizer}
-    write_mapping({"/**": {"ros__parameters": parameters}}, folder / TRACKER, "Contours and points of people together.")
-    recording = {"rig": "rig.yaml", "model": relpath(output / PERSON, folder), "config": TRACKER, "output": "run"}
-    write_mapping(recording, folder / RECORDING, f"From {trial.program}; the format is described in docs/formats.md.")
+    files = {"rig": "rig.yaml", "model": relpath(output / PERSON, folder), "output": "run"}
+    modalities = ("region", "keypoints")
+    write_recording(folder / RECORDING, files, modalities, found.period_s, trial.stamp_file is not None, f"From {trial.program}")
     cameras = ", ".join(f"{camera.name} ({Path(str(camera.source)).name})" for camera in found.rig)
     print(f"{name}: {cameras}, {1.0 / found.period_s:.5g} Hz")
 

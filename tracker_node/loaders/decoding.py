@@ -13,6 +13,7 @@ from ..errors import SourceError, shown
 from ..observation.image_set import ENCODINGS
 
 JPEG = "jpeg"
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 _REDUCED = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
 # OpenCV counts the pattern from the second line and column; these aliases go by the first.
 _FROM_BAYER = {name: getattr(cv2, f"COLOR_Bayer{name.upper()}2BGR") for name in ("rggb", "bggr", "gbrg", "grbg")}

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import FileFormatError
+from .decoding import IMAGE_SUFFIXES
 from .rig.lens import identifier
 from .rig.opencap_pickle import FILE_NAME
 from .whole_file import read_text
@@ -84,6 +85,36 @@ def videos_in(folder: Path) -> list[Path]:
         return sorted((path for path in folder.iterdir() if is_video(path)), key=natural)
     except OSError:
         return []
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """The videos of a folder, or else its folders of images, in natural order."""
+    return videos_in(folder) or [path for path in subfolders(folder) if has_images(path)]
+
+
+def has_images(folder: Path) -> bool:
+    """Whether image files lie in a folder."""
+    try:
+        return any(path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".") for path in folder.iterdir())
+    except OSError:
+        return False
+
+
+def recordings_by_camera(folder: Path, names: Sequence[str], tell: Callable[[str], None]) -> dict[str, Path]:
+    """The recording of each camera in a folder, see `videos_by_camera`.
+
+    Parameters
+    ----------
+    folder : with videos, or folders of images.
+    names : of the cameras.
+    tell : called with a sentence where the names do not settle it.
+
+    Returns
+    -------
+    Camera -> recording, of those that have one.
+    """
+    videos = {path.stem if path.is_file() else path.name: path for path in recordings_in(folder)}
+    return videos_by_camera(ProjectTrial("", "", folder, (), videos), names, tell)
 
 
 def videos_by_camera(trial: ProjectTrial, names: Sequence[str], tell: Callable[[str], None]) -> dict[str, Path]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -18,7 +18,7 @@ from .file_model import RECORDING, FileModel, PositiveNumber, are_numbers, check
 from .model.model_yaml import is_named
 from .rig.rig_yaml import ImageSize, check_source
 from .source_address import filled, relocated, sources_by_name
-from .yaml_file import read_mapping
+from .yaml_file import read_mapping, write_mapping
 
 MOST_LAG_IMAGES = 1000
 FILES = ("rig", "model", "initial_state", "occluders", "config")
@@ -324,3 +324,30 @@ def _existing(recording: str | Path, field: str, name: str | None) -> str | None
     if not (os.path.isfile(file) or (field in ("keypoints.files", "joint_states.file") and os.path.isdir(file))):
         raise FileFormatError(recording, field, "an existing file", file)
     return file
+
+
+PARAMETERS = "tracker.yaml"
+_FREE_TOLERANCE = 0.7  # of cameras that do not expose together
+
+
+def write_recording(
+    path: Path, files: Mapping[str, str | Path], modalities: Sequence[str], period_s: float, free: bool, comment: str
+) -> None:
+    """Write a recording, and beside it `PARAMETERS`.
+
+    Parameters
+    ----------
+    path : of recording.yaml.
+    files : ``rig``, ``model``, perhaps ``initial_state``, ``output``: as they are to stand in it.
+    modalities : what the body is compared with.
+    period_s : between two images.
+    free : the cameras do not expose together.
+    comment : at the top of the file.
+    """
+    synchronizer = {"image_period_s": round(period_s, 9)} | ({"tolerance": _FREE_TOLERANCE} if free else {})
+    parameters = {"/**": {"ros__parameters": {"modalities": list(modalities), "synchronizer": synchronizer}}}
+    write_mapping(parameters, path.parent / PARAMETERS, "Contours and points of people together." if len(modalities) > 1 else "")
+    known = {name: str(file) for name, file in files.items()}
+    first = {name: known.pop(name) for name in ("rig", "model", "initial_state") if name in known}
+    values = first | {"config": PARAMETERS} | known
+    write_mapping(values, path, f"{comment}; the format is described in docs/formats.md.")

@@ -86,3 +86,50 @@ def test_a_camera_without_a_source_is_named(rig_path, tmp_path, capsys):
     write_rig_file(rig_file_of(CameraRig((rig.cameras[0], replace(rig.cameras[1], source=None)))), tmp_path / "two.yaml")
     assert run(tmp_path / "two.yaml", "--images", "8") == 2
     assert "cam02" in capsys.readouterr().err
+
+
+def test_an_image_or_a_video_beside_the_recordings_is_found(rig_path, tmp_path, capsys):
+    """Somebody is in a part of cam01 always; its image alone lies beside, that of cam02 is a short video."""
+    rng = np.random.default_rng(1)
+    for path in sorted((tmp_path / "cam01").glob("*.png")):
+        image = cv2.imread(str(path))
+        image[24:, 32:] = rng.integers(0, 256, (24, 32, 3))
+        cv2.imwrite(str(path), image)
+    (tmp_path / "background").mkdir()
+    (tmp_path / "room_cam01.png").rename(tmp_path / "background/cam01.png")
+    writer = cv2.VideoWriter(str(tmp_path / "cam02_empty.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, SIZE[::-1])
+    for _ in range(4):
+        writer.write(cv2.imread(str(tmp_path / "room_cam02.png")))
+    writer.release()
+    assert run(rig_path, "--images", "8", "-o", str(tmp_path / "with.yaml")) == 0
+    said = capsys.readouterr().out
+    assert f"cam01: its background alone is in {tmp_path / 'background/cam01.png'}" in said and "cam02_empty.avi" in said
+    plate = cv2.imread(str(tmp_path / "backgrounds/cam01.png")).astype(int)
+    room = cv2.imread(str(tmp_path / "background/cam01.png")).astype(int)
+    assert np.abs(plate - room)[26:, 34:].mean() < 10.0
+    assert read_rig_file(tmp_path / "with.yaml").cameras["cam01"].background == "backgrounds/cam01.png"
+    (tmp_path / "cam01_background.png").write_bytes((tmp_path / "background/cam01.png").read_bytes())
+    assert run(rig_path, "--images", "8", "--force") == 2
+    assert "one image of its background, got" in capsys.readouterr().err
+
+
+def test_what_is_not_to_be_relied_on_gets_no_background(rig_path, tmp_path, capsys):
+    """In cam01 a part never settles; in the second recording of cam02 nobody moves, and may stand there."""
+    rng = np.random.default_rng(1)
+    for path in sorted((tmp_path / "cam01").glob("*.png")):
+        image = cv2.imread(str(path))
+        image[24:, 32:] = rng.integers(0, 256, (24, 32, 3))
+        cv2.imwrite(str(path), image)
+    assert run(rig_path, "--images", "8", "-o", str(tmp_path / "with.yaml")) == 0
+    assert "note: cam01 gets no background" in capsys.readouterr().out
+    entries = read_rig_file(tmp_path / "with.yaml").cameras
+    assert entries["cam01"].background is None and entries["cam02"].background
+    assert run(rig_path, "--images", "8", "--force", "--most-unknown", "100", "-o", str(tmp_path / "with.yaml")) == 0
+    assert read_rig_file(tmp_path / "with.yaml").cameras["cam01"].background
+    for path in (tmp_path / "cam02").glob("*.png"):
+        cv2.imwrite(str(path), cv2.imread(str(tmp_path / "room_cam02.png")))
+    capsys.readouterr()
+    assert run(rig_path, "--images", "8", "--force") == 2
+    said = capsys.readouterr()
+    assert "nothing moves in its images" in said.out and "no background is to be relied on" in said.err
+    assert run(rig_path, "--images", "8", "--most-unknown", "101") == 2

@@ -150,13 +150,18 @@ def test_videos_that_were_made_smaller_and_cropped_ones(tmp_path, capsys):
     folder = projects.pose2sim(tmp_path / "demo")
     projects.film(folder / "videos/cam02.mp4", (320, 240))
     projects.film(folder / "videos/cam03.mp4", (480, 480))
-    rig = load_rig(imported(folder, tmp_path / "mine") / "rig.yaml")
+    assert main(["import", str(folder), "-o", str(tmp_path / "refused")]) == 2
+    said = capsys.readouterr().err
+    assert "camera 'int_cam03_img'" in said and "expected 640x480, got 480x480" in said
+    assert "(cut), or" in said and "(stretched); say which with --pixel-map int_cam03_img=cut" in said
+    rig = load_rig(imported(folder, tmp_path / "mine", "--pixel-map", "int_cam03_img=cut") / "rig.yaml")
     points = POINTS @ turn_about_z(rig, projects.UPRIGHT).T
+    whole, cut = projects.rig().cameras[2].project(POINTS)[0], rig.cameras[2].project(points)[0]
+    np.testing.assert_allclose(cut, whole - [80.0, 0.0], atol=1e-9)
     full, half = projects.rig().cameras[1].project(POINTS)[0], rig.cameras[1].project(points)[0]
     np.testing.assert_allclose(half, 0.5 * full - 0.25, atol=1e-9)
     said = capsys.readouterr().out
-    assert "int_cam02_img: its calibration, of 640x480, is for images of 320x240 now" in said
-    assert "note: camera int_cam03_img" in said and "480x480" in said and "pixel_map" in said
+    assert "int_cam02_img: its calibration, of 640x480, is for images of 320x240 now: resampled" in said
 
 
 def test_names_that_settle_nothing_are_paired_in_order(tmp_path, capsys):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -68,11 +69,48 @@ def add_sources_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sources",
         metavar="PATTERN",
-        help="video or image folder of each camera; {name} is its name, {number} counts from 1, as in 'videos/{name}.mp4'",
+        help="video or image folder of each camera; {name} is its name, {number} counts from 1, as in 'videos/{name}.mp4'; or the"
+        " folder of them all, which belong to the cameras of their names, their numbers, or in their order",
     )
 
 
 UNITS = ("m", "cm", "mm")  # of `calibration.imported`
+
+
+def sources_of_cameras(pattern: str | None, names: Sequence[str], tell: Callable[[str], None]) -> dict[str, str | None]:
+    """What ``--sources`` says of each camera.
+
+    Parameters
+    ----------
+    pattern : with {name} or {number}, or a folder of recordings; None: nothing.
+    names : of the cameras.
+    tell : called with a sentence where the names of the recordings do not settle it.
+
+    Returns
+    -------
+    Camera -> source; of a folder only those that have one.
+
+    Raises
+    ------
+    TrackerError : no such pattern, or recordings that are not those of the cameras.
+    """
+    from ...loaders.projects import has_images, recordings_by_camera, recordings_in
+    from ...loaders.source_address import sources_by_name
+
+    folder = None if pattern is None or "{" in pattern else Path(pattern)
+    if folder is None or has_images(folder) or not recordings_in(folder):
+        return sources_by_name(pattern, names)
+    return {name: str(path) for name, path in recordings_by_camera(folder, names, tell).items()}
+
+
+def add_pixel_map_argument(parser: argparse.ArgumentParser) -> None:
+    """``--pixel-map``, see `calibration.video_pixels`."""
+    parser.add_argument(
+        "--pixel-map", nargs="+", metavar="CAMERA=KIND",
+        help="how images of another size than the calibration's were made of it, where sizes, rotation and black bars do not"
+        " tell: resampled, clockwise, counterclockwise, bars, cut or stretched",
+    )  # fmt: skip
+
 
 _PAIR = re.compile(r"([0-9]{1,6})x([0-9]{1,6})", re.IGNORECASE)
 _IMAGE = "WIDTHxHEIGHT in pixels, such as 640x480"

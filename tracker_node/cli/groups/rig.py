@@ -8,9 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...errors import without_password
-from ...loaders.source_address import sources_by_name
 from ..arguments.board import add_board_shape, board_of
-from ..arguments.cameras import UNITS, add_sources_argument, size_option
+from ..arguments.cameras import UNITS, add_pixel_map_argument, add_sources_argument, size_option, sources_of_cameras
 from ..arguments.run_images import refuse_to_overwrite
 from ..arguments.verbs import Subverb, add_subverbs, run_subverb
 
@@ -137,12 +136,14 @@ def _add_import_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", metavar="WxH", help="size of the images, for files that do not say it (DLT, OpenCV)")
     parser.add_argument("--unit", choices=UNITS, help="unit of the places in the file, where that may be any (default: m)")
     add_sources_argument(parser)
+    add_pixel_map_argument(parser)
     parser.add_argument("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
     parser.add_argument("--force", action="store_true", help="overwrite the output")
 
 
 def _run_import(args: argparse.Namespace) -> int:
     from ...calibration.imported import import_rig
+    from ...calibration.video_pixels import parsed_choices, rig_of_videos
     from ...loaders.rig.formats import CAMERA_INFO, TOML, detect_all
     from ...loaders.rig.rig_yaml import build_rig, rig_file_of, write_rig_file
 
@@ -152,8 +153,10 @@ def _run_import(args: argparse.Namespace) -> int:
     kind = CAMERA_INFO if args.camera_info else TOML if args.pose2sim else detect_all(files)
     size = None if args.size is None else size_option("--size", args.size)
     rig = import_rig(kind, files, size, args.unit, args.like, print)
-    sources = sources_by_name(args.sources, rig.names)
-    rig_file = rig_file_of(replace(rig, cameras=tuple(replace(camera, source=sources[camera.name]) for camera in rig)))
+    sources = sources_of_cameras(args.sources, rig.names, print)
+    with_sources = tuple(replace(camera, source=sources[camera.name]) for camera in rig if camera.name in sources)
+    rig = rig_of_videos(replace(rig, cameras=with_sources), parsed_choices("--pixel-map", args.pixel_map), print)
+    rig_file = rig_file_of(rig)
     write_rig_file(rig_file, args.output, base_dir=".")
     _print_rig(build_rig(rig_file, "."))
     print(f"wrote {args.output}")

@@ -17,12 +17,11 @@ from ...errors import FileFormatError, SourceError
 from ..bag.images import COMPRESSED, RAW, image_topics, source_content
 from ..bag.message_types import NS_PER_S
 from ..bag.reader import BagReader
-from ..decoding import JPEG, content_size, jpeg_size
+from ..decoding import IMAGE_SUFFIXES, JPEG, content_size, jpeg_size
 from ..source_address import SourceAddress
 from .recorded_source import ImageSource, SourceOptions
 from .stamps import varying_times
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
 _MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 READ_ON = 20  # images that are rather read in passing than jumped over

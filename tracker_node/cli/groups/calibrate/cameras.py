@@ -6,10 +6,13 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from ....camera.model import CameraModel
+from ....camera.rig import Camera, CameraRig
 from ....errors import FileFormatError
-from ....loaders.source_address import sources_by_name
 from ...arguments.board import add_board_arguments, board_of, detect, recordings_of, sources_of
-from ...arguments.cameras import add_sources_argument, size_option
+from ...arguments.cameras import add_pixel_map_argument, add_sources_argument, size_option, sources_of_cameras
 from ...arguments.run_images import refuse_to_overwrite
 from ...arguments.verbs import Subverb
 
@@ -31,6 +34,7 @@ def _add_rig_arguments(parser: argparse.ArgumentParser) -> None:
     add("--tolerance-ms", type=float, metavar="MS", help="images so near in time belong together (default: half a period)")
     add("--sets", type=int, default=100, metavar="N", help="image sets used at most (default: %(default)s)")
     add_sources_argument(parser)
+    add_pixel_map_argument(parser)
     add("--write-clocks", action="store_true", help="write clocks that are off as time_offset_s: for cameras that keep running")
     add("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
 
@@ -48,6 +52,7 @@ def _run_rig(args: argparse.Namespace) -> int:
         write_rig_page,
     )
     from ....calibration.board.rig import calibrate_rig, check_for_rig, given_lenses, with_sources
+    from ....calibration.video_pixels import parsed_choices, rig_of_videos
     from ....loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
     from ....report.html import text_table
     from ....report.metrics_file import write_metrics
@@ -60,7 +65,9 @@ def _run_rig(args: argparse.Namespace) -> int:
     check_for_rig(board)
     begun_s = _by_sound(args) if args.clocks == "sound" else {}
     sources = sources_of(args, args.stamps, begun_s)
-    tracked_later = sources_by_name(args.sources, sources)
+    tracked_later = sources_of_cameras(args.sources, list(sources), print)
+    pixels = parsed_choices("--pixel-map", args.pixel_map)
+    rig_of_videos(_of_their_sizes(sources, tracked_later), pixels, lambda sentence: None)  # before what takes minutes
     options = _rig_options(args)
     lenses = given_lenses(load_rig(args.lenses), sources) if args.lenses else None
     seen, left_out = detect(args, sources, board, least=2)
@@ -68,7 +75,8 @@ def _run_rig(args: argparse.Namespace) -> int:
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
     late_s = late_cameras(found)
     whole_s = {name: begun_s.get(name, 0.0) + late_s.get(name, 0.0) for name in found.rig.names}
-    rig = with_sources(found.rig, tracked_later, whole_s if args.write_clocks else {})
+    rig = with_sources(found.rig, {name: tracked_later.get(name) for name in sources}, whole_s if args.write_clocks else {})
+    rig = rig_of_videos(rig, pixels, print)
     write_rig_file(rig_file_of(rig), args.output, base_dir=".")
     for name, seconds in late_s.items():
         print(f"{name}: its images are {1e3 * seconds:.1f} ms later than they say, beside {found.rig.names[0]}")
@@ -90,6 +98,16 @@ def _run_rig(args: argparse.Namespace) -> int:
         print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the metrics are good enough")
     print(f"wrote {args.output}, {page}, {metrics_file} and {', '.join(map(str, files))}")
     return 1 if left_out else 0
+
+
+def _of_their_sizes(sources, tracked_later) -> CameraRig:
+    """Cameras of any lens and place, with the sizes that the calibration will be for."""
+    cameras = []
+    for name, source in sources.items():
+        width, height = source.native_width, source.native_height
+        lens = CameraModel(width, height, np.diag([width, width, 1.0]))
+        cameras.append(Camera(name, lens, np.eye(4), tracked_later.get(name)))
+    return CameraRig(tuple(cameras))
 
 
 def _by_sound(args: argparse.Namespace) -> dict[str, float]:
@@ -209,7 +227,7 @@ def _run_dlt(args: argparse.Namespace) -> int:
 
     refuse_to_overwrite(args, args.output)
     size, seen = size_option("--size", args.size), load_control_points(args.points)
-    sources = sources_by_name(args.sources, seen)
+    sources = sources_of_cameras(args.sources, list(seen), print)
     for name, points in seen.items():
         check_control_points(name, points, size)
     cameras = [replace(camera, source=sources[camera.name]) for camera in _fitted(seen, size, args.constraint)]
