@@ -34,7 +34,7 @@ def test_assembly_is_what_dense_jacobians_give():
         weights.append(w)
         residuals.append(r)
     J, W = np.array(rows), np.diag(weights)
-    H, g = np.full((model.n_dof, model.n_dof), np.nan), np.full(model.n_dof, np.nan)
+    H, g = np.zeros((model.n_dof, model.n_dof)), np.zeros(model.n_dof)
     kernel.assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
     np.testing.assert_allclose(H, J.T @ W @ J, atol=1e-10 * np.abs(H).max())
     np.testing.assert_allclose(g, J.T @ W @ np.array(residuals), atol=1e-10 * np.abs(g).max())

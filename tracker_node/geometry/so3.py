@@ -28,22 +28,22 @@ def hat(v: np.ndarray) -> np.ndarray:
 
 def exp(rotation_vector: npt.ArrayLike) -> np.ndarray:
     """Rotation matrix (3, 3) of a rotation vector (3,), Rodrigues' formula."""
-    return _exp(np.ascontiguousarray(rotation_vector, dtype=np.float64))
+    return exp_kernel(np.ascontiguousarray(rotation_vector, dtype=np.float64))
 
 
 def log(rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) with angle in [0, pi] of a rotation matrix (3, 3)."""
-    return _log(np.ascontiguousarray(rotation, dtype=np.float64))
+    return log_kernel(np.ascontiguousarray(rotation, dtype=np.float64))
 
 
 def left_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
     """(3, 3) J with exp(w + d) = exp(J d + O(d^2)) exp(w)."""
-    return _left_jacobian(np.ascontiguousarray(rotation_vector, dtype=np.float64))
+    return left_jacobian_kernel(np.ascontiguousarray(rotation_vector, dtype=np.float64))
 
 
 def left_jacobian_inverse(rotation_vector: np.ndarray) -> np.ndarray:
     """(3, 3) J with log(exp(d) exp(w)) = w + J d + O(d^2), for angles below 2 pi."""
-    return _left_jacobian_inverse(np.ascontiguousarray(rotation_vector, dtype=np.float64))
+    return left_jacobian_inverse_kernel(np.ascontiguousarray(rotation_vector, dtype=np.float64))
 
 
 @compiled
@@ -59,7 +59,8 @@ def _series(w, a, b):
 
 
 @compiled
-def _exp(w):
+def exp_kernel(w):
+    """`exp`, for kernels."""
     angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = math.sqrt(angle_sq)
     if angle < _SMALL:
@@ -68,7 +69,8 @@ def _exp(w):
 
 
 @compiled
-def _log(r):
+def log_kernel(r):
+    """`log`, for kernels."""
     v = np.empty(3)  # sin(angle) * axis
     v[0], v[1], v[2] = 0.5 * (r[2, 1] - r[1, 2]), 0.5 * (r[0, 2] - r[2, 0]), 0.5 * (r[1, 0] - r[0, 1])
     sine = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -92,7 +94,8 @@ def _log(r):
 
 
 @compiled
-def _left_jacobian(w):
+def left_jacobian_kernel(w):
+    """`left_jacobian`, for kernels."""
     angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = math.sqrt(angle_sq)
     if angle < _SMALL:
@@ -101,7 +104,8 @@ def _left_jacobian(w):
 
 
 @compiled
-def _left_jacobian_inverse(w):
+def left_jacobian_inverse_kernel(w):
+    """`left_jacobian_inverse`, for kernels."""
     angle_sq = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = math.sqrt(angle_sq)
     if angle < _SMALL:

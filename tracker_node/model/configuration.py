@@ -18,6 +18,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from ..compiled.kernels import compiled
 from ..errors import ModelError
 from ..geometry import se3, so3
 from .articulated import ArticulatedModel
@@ -48,16 +49,13 @@ class State:
 
     def retract(self, tangent: np.ndarray) -> State:
         """The state reached from here along ``tangent`` (n_dof,)."""
-        transform = self.T_world_root.copy()
-        transform[:3, 3] += tangent[:3]
-        transform[:3, :3] = so3.exp(tangent[3:6]) @ transform[:3, :3]
-        return State(transform, self.joint_positions + tangent[N_ROOT_DOF:])
+        own = np.ascontiguousarray(self.T_world_root), np.ascontiguousarray(self.joint_positions)
+        return State(*retracted(*own, np.ascontiguousarray(tangent)))
 
     def difference(self, origin: State) -> np.ndarray:
         """Tangent (n_dof,) with ``origin.retract(tangent) == self``."""
-        rotation = so3.log(self.T_world_root[:3, :3] @ origin.T_world_root[:3, :3].T)
-        translation = self.T_world_root[:3, 3] - origin.T_world_root[:3, 3]
-        return np.concatenate([translation, rotation, self.joint_positions - origin.joint_positions])
+        arrays = self.T_world_root, self.joint_positions, origin.T_world_root, origin.joint_positions
+        return tangent_between(*map(np.ascontiguousarray, arrays))
 
     def to_values(self) -> np.ndarray:
         """(n_dof,) numbers for files and messages: root xyz (m), root rotation vector (rad), joint angles (rad)."""
@@ -68,6 +66,52 @@ class State:
         """Inverse of `to_values`."""
         values = np.asarray(values, dtype=np.float64)
         return cls(se3.from_rotation_translation(so3.exp(values[3:6]), values[:3]), values[N_ROOT_DOF:].copy())
+
+
+@compiled
+def retracted(T, joints, tangent):
+    """`State.retract`, for kernels.
+
+    Parameters
+    ----------
+    T, joints : (4, 4) pose of the root, and (n_axes,) joint angles.
+    tangent : (n_dof,).
+
+    Returns
+    -------
+    Pose and joint angles.
+    """
+    turn, moved = so3.exp_kernel(tangent[3:6]), np.zeros((4, 4))
+    for i in range(3):
+        for j in range(3):
+            moved[i, j] = turn[i, 0] * T[0, j] + turn[i, 1] * T[1, j] + turn[i, 2] * T[2, j]
+        moved[i, 3] = T[i, 3] + tangent[i]
+    moved[3, 3] = 1.0
+    return moved, joints + tangent[N_ROOT_DOF:]
+
+
+@compiled
+def tangent_between(T, joints, origin_T, origin_joints):
+    """`State.difference`, for kernels.
+
+    Parameters
+    ----------
+    T, joints : (4, 4) pose of the root, and (n_axes,) joint angles.
+    origin_T, origin_joints : the same of the origin.
+
+    Returns
+    -------
+    (n_dof,)
+    """
+    turn, tangent = np.empty((3, 3)), np.empty(N_ROOT_DOF + joints.size)
+    for i in range(3):
+        for j in range(3):
+            turn[i, j] = T[i, 0] * origin_T[j, 0] + T[i, 1] * origin_T[j, 1] + T[i, 2] * origin_T[j, 2]
+        tangent[i] = T[i, 3] - origin_T[i, 3]
+    tangent[3:6] = so3.log_kernel(turn)
+    for k in range(joints.size):
+        tangent[N_ROOT_DOF + k] = joints[k] - origin_joints[k]
+    return tangent
 
 
 MOST_M = 1e4  # of a root's coordinate, or of a joint that slides

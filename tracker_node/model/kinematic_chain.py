@@ -176,7 +176,6 @@ class KinematicChain:
     directions: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes, 4): unit, 1 where it slides
     axes: tuple[Axis, ...] = field(init=False, repr=False, compare=False)
     link_moved_by: np.ndarray = field(init=False, repr=False, compare=False)  # (n_links, n_dof) bool
-    carried_by: np.ndarray = field(init=False, repr=False, compare=False)  # (n_dof, n_dof) bool: axes, by those before them
     lower: np.ndarray = field(init=False, repr=False, compare=False)  # (n_axes,) radians, meters; read-only
     upper: np.ndarray = field(init=False, repr=False, compare=False)
     neutral: np.ndarray = field(init=False, repr=False, compare=False)  # driven axes where their leaders put them
@@ -219,12 +218,6 @@ class KinematicChain:
         set_(self, "axes", tuple(axes))
         set_(self, "directions", np.array([(*a.direction, a.prismatic) for a in axes], dtype=np.float64).reshape(-1, 4))
         set_(self, "link_moved_by", link_moved_by)
-        carried_by = np.zeros((link_moved_by.shape[1],) * 2, dtype=np.bool_)
-        for i in range(n):
-            first = N_ROOT_DOF + int(self.axis_start[i])
-            for dof in range(first, first + int(self.axis_count[i])):
-                carried_by[dof] = link_moved_by[i] & (np.arange(len(carried_by)) < dof)
-        set_(self, "carried_by", carried_by)
         followers = [(i, axis.mimic) for i, axis in enumerate(axes) if axis.mimic is not None]
         set_(self, "couplings", tuple((i, names.index(mimic.leader), mimic) for i, mimic in followers))
         set_(self, "lower", np.array([axis.lower for axis in axes]))

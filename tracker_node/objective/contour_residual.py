@@ -312,18 +312,39 @@ def linearize_camera(shapes, Ts, spheres, camera, maps, options, n_samples, refr
 
 
 @compiled
+def sum_of_cameras(normal, gradient, cameras):
+    """Normal matrices of links, summed over some cameras.
+
+    Parameters
+    ----------
+    normal, gradient : (n_cameras, n_links, 6, 6) and (n_cameras, n_links, 6).
+    cameras : (n,) indices of them.
+
+    Returns
+    -------
+    (n_links, 6, 6) and (n_links, 6).
+    """
+    total, pull = np.zeros(normal.shape[1:]), np.zeros(gradient.shape[1:])
+    for i in cameras:
+        for link in range(normal.shape[1]):
+            for a in range(6):
+                pull[link, a] += gradient[i, link, a]
+                for b in range(6):
+                    total[link, a, b] += normal[i, link, a, b]
+    return total, pull
+
+
+@compiled
 def assemble(link_normal, link_gradient, moved_by, twists, H, g):
-    """Sum J^T N J and J^T g over links, J the twists of the degrees of freedom that move the link.
+    """Add J^T N J and J^T g of all links, J the twists of the degrees of freedom that move the link.
 
     Parameters
     ----------
     link_normal, link_gradient : N (n_links, 6, 6) and g (n_links, 6), about twists (v, omega) at the world's origin.
     moved_by, twists : (n_links, n_dof) mask, and (n_dof, 6).
-    H, g : (n_dof, n_dof) and (n_dof,), overwritten.
+    H, g : (n_dof, n_dof) symmetric, and (n_dof,), added to.
     """
     n = twists.shape[0]
-    H[:] = 0.0
-    g[:] = 0.0
     product = np.empty((n, 6))
     for link in range(link_normal.shape[0]):
         trace = 0.0

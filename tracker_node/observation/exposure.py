@@ -13,6 +13,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from ..compiled.kernels import compiled
+
 _EVERY = 16  # pixel of a row, and row, is compared...
 _LARGE = 1e6  # ...and fewer of an image of more pixels
 _DARK, _BRIGHT = 16.0, 245.0  # gray levels between which a pixel tells its light
@@ -54,11 +56,15 @@ class Exposure:
         The image itself where its light is that of the first.
         """
         every = _EVERY * max(round(np.sqrt(image.shape[0] * image.shape[1] / _LARGE)), 1)
-        now = image[::every, ::every].astype(np.float32)
-        if self._before is None or self._before.shape != now.shape:
-            self._before = now
+        some = image[::every, ::every]
+        if self._before is None or self._before.shape != some.shape:
+            self._before = some.astype(np.float32)
             return image
-        gains = np.ones(3) if _alike(now, self._before) else _gains(now, self._before)
+        if _follow_alike(image, every, self._before):
+            self.gains, self._others = np.ones(3), 0
+            return image
+        now = some.astype(np.float32)
+        gains = _gains(now, self._before)
         self._learn(now, gains)
         if gains is None or np.abs(gains - 1.0).max() < _LEAST_GAIN:
             return image
@@ -76,9 +82,23 @@ class Exposure:
             self._before, self._others = now, 0
 
 
-def _alike(now: np.ndarray, before: np.ndarray) -> bool:
-    means = zip(cv2.mean(now)[:3], cv2.mean(before)[:3], strict=True)
-    return all(abs(a - b) < _SAME * b for a, b in means)
+@compiled
+def _follow_alike(image, every, before):
+    """Have ``before`` follow every so many pixels of an image, where the means of their channels are alike; whether they are."""
+    now, then = np.zeros(3), np.zeros(3)
+    for i in range(before.shape[0]):
+        for j in range(before.shape[1]):
+            for k in range(3):
+                now[k] += image[i * every, j * every, k]
+                then[k] += before[i, j, k]
+    for k in range(3):
+        if not abs(now[k] - then[k]) < _SAME * then[k]:
+            return False
+    for i in range(before.shape[0]):
+        for j in range(before.shape[1]):
+            for k in range(3):
+                before[i, j, k] += np.float32(_RATE) * (np.float32(image[i * every, j * every, k]) - before[i, j, k])
+    return True
 
 
 def _gains(now: np.ndarray, before: np.ndarray) -> np.ndarray | None:

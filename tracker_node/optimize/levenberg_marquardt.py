@@ -62,13 +62,9 @@ def clip_to_limits(state: State, chain: KinematicChain) -> State:
 
 def _step(equations: NormalEquations, state: State, chain: KinematicChain, damping: float | np.ndarray) -> np.ndarray | None:
     """The step (n_dof,) from ``state`` to the minimum of the damped quadratic within the limits; None where it has none."""
-    anywhere = np.full(N_ROOT_DOF, np.inf)
-    lower = np.append(-anywhere, chain.lower - state.joint_positions)
-    upper = np.append(anywhere, chain.upper - state.joint_positions)
-    H, step = equations.H.copy(), np.empty(equations.g.size)
-    diagonal = np.diag(equations.H)
-    np.einsum("ii->i", H)[:] += damping * diagonal + 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-12)
-    return step if minimize_quadratic(H, equations.g, lower, upper, step) >= 0 else None
+    step, dampings = np.empty(equations.g.size), np.full(equations.g.size, damping) if np.isscalar(damping) else damping
+    joints = np.ascontiguousarray(state.joint_positions)
+    return step if _damped_step(equations.H, equations.g, joints, chain.lower, chain.upper, dampings, step) else None
 
 
 def stepped(equations: NormalEquations, state: State, chain: KinematicChain, damping: float | np.ndarray) -> State:
@@ -176,6 +172,21 @@ def _solve_free(H, g, sides, lower, upper, x, factor):
             value -= factor[c, a] * x[free[c]]
         x[free[a]] = value / factor[a, a]
     return True
+
+
+@compiled
+def _damped_step(H, g, joints, lower, upper, damping, step):
+    """Fill ``step`` with the minimum of the quadratic, damped relative to its diagonal, within the limits of the joints; whether
+    it has one."""
+    n, largest = g.size, 0.0
+    damped, least, most = H.copy(), np.full(n, -np.inf), np.full(n, np.inf)
+    for i in range(n):
+        largest = max(largest, H[i, i])
+    for i in range(n):
+        damped[i, i] += damping[i] * H[i, i] + 1e-9 * max(largest, 1e-12)
+    for k in range(joints.size):
+        least[N_ROOT_DOF + k], most[N_ROOT_DOF + k] = lower[k] - joints[k], upper[k] - joints[k]
+    return minimize_quadratic(damped, g, least, most, step, 10) >= 0
 
 
 @compiled

@@ -6,7 +6,7 @@ from test.objective.lines.test_correspondences import at, disk, drawing_of, rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.objective.lines.camera import correspond_camera, sum_camera
 from tracker_node.objective.lines.correspondence import line_arrays
-from tracker_node.objective.lines.correspondences import CameraSums
+from tracker_node.objective.lines.correspondences import LineSums
 from tracker_node.objective.per_camera import camera_constants
 from tracker_node.render.contour.generators import world_spheres
 from tracker_node.render.contour.samples import collect_samples, keep_inside, most_samples
@@ -21,7 +21,7 @@ def test_lines_lie_where_the_samples_that_are_seen_do_and_sums_are_overwritten()
     packed, bounds, Ts = drawing.arrays.packed, drawing.arrays.bounds, body.Ts_world_shape
     work = drawn_rows, drawn_pixels, drawn_info, lines = line_arrays(most_samples(packed, N_SAMPLES))
     options = drawing.options.packed(1.0, 0.5)
-    sums = tuple(np.full_like(a, 7.0) for a in CameraSums.empty(1).arrays)
+    sums = tuple(np.full_like(a, 7.0) for a in LineSums.empty(state, [body], 1).of_camera(0))
     n = correspond_camera(
         view.packed, np.empty((0, 0), np.float32), drawing.classes, packed, bounds, Ts,
         body.Ts_world_link, camera, N_SAMPLES, OUTWARD_PX, options, np.zeros((0, 4)), work, sums,

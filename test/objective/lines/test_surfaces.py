@@ -72,7 +72,7 @@ def correspondences(
             shift_means(lines, info, len(lines), body.Ts_world_link, camera_constants(camera), known.means)
         drawn.append(CameraLines(lines, info, camera_constants(camera)))
     fixed = _Drawn(MODEL, tuple(drawn), options() if packed is None else packed, (None,) * len(RIG), known)
-    return LineCorrespondences(fixed, LineSums(State.neutral(MODEL), [], (None, None, None)))  # that state is never asked for
+    return LineCorrespondences(fixed, LineSums.empty(State.neutral(MODEL), [], 0))  # that state is never asked for
 
 
 def rows_by_hand(state: State, known: Surfaces) -> list[tuple[int, float, float, np.ndarray, np.ndarray]]:

@@ -39,7 +39,8 @@ def seen(body: BodyPoints, weights: Any = ((1.0, 1.0),) * 3, information: np.nda
         np.linalg.solve(A + prior, A @ alone + prior @ mean)
         for A, prior, alone, mean in zip(information, body.priors, ALONE, body.means, strict=True)
     ]
-    return PointsAt(None, None, (), np.array(best), information, np.array(weights), np.zeros((3, 2)))  # type: ignore[arg-type]
+    nothing = None, None, None, None
+    return PointsAt(*nothing, np.array(best), information, np.array(weights), np.zeros((3, 2)))  # type: ignore[arg-type]
 
 
 def test_a_set_counts_with_its_wobble_and_as_one_in_so_many():

@@ -228,19 +228,15 @@ class ContourCorrespondences:
 
     def _summed(self, found: Sequence[CameraResiduals | None], bodies: Sequence[Configuration]) -> NormalEquations:
         model = self.body.model
-        H, g = np.zeros((model.n_dof, model.n_dof)), np.zeros(model.n_dof)
-        cost, count = 0.0, 0
+        H, g, cost, count = np.zeros((model.n_dof, model.n_dof)), np.zeros(model.n_dof), 0.0, 0
         for together in cameras_by_body(self.active, bodies):
-            own_H, own_g = np.empty_like(H), np.empty_like(g)
             normal, gradient = np.zeros((len(model.chain.links), 6, 6)), np.zeros((len(model.chain.links), 6))
             for i in together:
                 own = found[i]
                 assert own is not None
                 normal += own.normal
                 gradient += own.gradient
-            kernel.assemble(normal, gradient, model.chain.link_moved_by, bodies[together[0]].twists, own_H, own_g)
-            H += own_H
-            g += own_g
+            kernel.assemble(normal, gradient, model.chain.link_moved_by, bodies[together[0]].twists, H, g)
         for camera in found:
             if camera is not None:
                 cost += float(camera.stats[kernel.COST])

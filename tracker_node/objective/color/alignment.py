@@ -196,7 +196,7 @@ class LevelObjective:
         for i in level.seen:
             sums.add_to_links(level.sums[i], owner.model.shape_links, level.constants.Ts_cam_world[i], normal, gradient)
             pixels += float(level.sums[i, :, sums.PIXELS].sum())
-        H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
+        H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
         assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
         if pixels < max(owner.options.min_pixels / 4.0**self.number, 1.0):
             return NormalEquations(H, g, math.inf, 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,10 +24,12 @@ class Prior:
     mean : the expected state.
     information : (n_dof,) diagonal or (n_dof, n_dof) symmetric matrix, in the unit of the objective it is added to per
         tangent^2; an inverse covariance where that objective is a log posterior.
+    inverse : (n_dof, n_dof) of the information, where that is known.
     """
 
     mean: State
     information: np.ndarray
+    inverse: np.ndarray | None = None
 
     def add_to(self, H: np.ndarray, g: np.ndarray, state: State) -> float:
         """Add the prior to normal equations.
@@ -41,15 +44,18 @@ class Prior:
         The prior's cost there.
         """
         offset = state.difference(self.mean)
-        # Of the rotation's logarithm by a small turn of the state
-        J = so3.left_jacobian_inverse(offset[3:6])
-        information = np.diag(self.information) if self.information.ndim == 1 else self.information
-        return _add(offset, J, information, H, g)
+        return _add(offset, self._information, H, g)
+
+    @cached_property
+    def _information(self) -> np.ndarray:
+        return np.diag(self.information) if self.information.ndim == 1 else np.ascontiguousarray(self.information)
 
 
 @compiled
-def _add(offset, J, information, H, g):
-    """Add K^T information K to ``H``, K^T information offset to ``g``, K the identity but for J at the root's turn; the cost."""
+def _add(offset, information, H, g):
+    """Add K^T information K to ``H``, K^T information offset to ``g``, K the derivative of the offset from the mean: the identity
+    but for the rotation's logarithm by a small turn of the state; the cost."""
+    J = so3.left_jacobian_inverse_kernel(offset[3:6])
     n, cost = offset.size, 0.0
     half, pull = np.empty((n, n)), np.empty(n)  # information K
     for i in range(n):

@@ -14,9 +14,7 @@ from ...model.configuration import Configuration, State, configured
 from ..contour_residual import assemble
 from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import camera_constants
-from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, SCORE, U, V, sum_points
-
-_WILD = 0.05  # density of a guess that is anything, in that of one that is right
+from .kernels import N_COLUMNS, OUTLIER, S_UU, S_UV, S_VV, SCORE, U, V, add_depths, places_of, sum_points
 
 PackedCameras = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -52,8 +50,11 @@ class BodyPoints:
 
     def places(self, state: State) -> np.ndarray:
         """(n, 3) meters, world: where the points of a body in ``state`` are expected."""
-        T = configured(self.model, state).Ts_world_link[self.links]
-        return np.einsum("nij,nj->ni", T[:, :3, :3], self.positions + self.means) + T[:, :3, 3]
+        return places_of(configured(self.model, state).Ts_world_link, self.links, self._expected)
+
+    @cached_property
+    def _expected(self) -> np.ndarray:
+        return self.positions + self.means
 
     def __len__(self) -> int:
         return len(self.links)
@@ -116,35 +117,26 @@ class GuessedDepths:
     rays: np.ndarray
     weight: float
 
-    def compared(self, body: BodyPoints, configuration: Configuration, sharpness: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Least squares with a mixture for guesses that are wrong altogether.
+    def add_to(
+        self, H: np.ndarray, g: np.ndarray, body: BodyPoints, configuration: Configuration, sharpness: float
+    ) -> float:  # fmt: skip
+        """Add least squares with a mixture for guesses that are wrong altogether.
 
         Parameters
         ----------
+        H, g : (n_dof, n_dof) and (n_dof,), added to.
         body, configuration : points of a body, in a state.
         sharpness : factor of the squares.
 
         Returns
         -------
-        H (n_dof, n_dof), g (n_dof,), cost.
+        Their cost.
         """
-        places = body.places(configuration.state)
-        moved = configuration.point_jacobian(places, body.links)
-        leads, middle = np.tensordot(self.bones, moved, axes=1), moved.mean(axis=0)
-        e = np.hstack([
-            (self.shares * (self.rays @ (self.bones @ places).T) - self.depths) / self.sigmas,
-            ((((places.mean(axis=0) - self.centers) * self.rays).sum(axis=1) - self.distances) / self.distance_sigmas)[:, None],
-        ])  # fmt: skip
-        J = np.concatenate([
-            (self.shares / self.sigmas)[:, None] * np.einsum("ci,bid->cbd", self.rays, leads),
-            (self.rays @ middle / self.distance_sigmas[:, None])[:, None],
-        ], axis=1)  # fmt: skip
-        guessed = np.isfinite(e)
-        J, e = J[guessed], e[guessed]
-        near, odds = np.exp(-0.5 * sharpness * np.minimum(e * e, 400.0)), sharpness * _WILD
-        weights = sharpness * self.weight * near / (near + odds)
-        cost = -2.0 * self.weight * float(np.log((near + odds) / (1.0 + odds)).sum())
-        return J.T @ (weights[:, None] * J), J.T @ (weights * e), cost
+        guesses = self.bones, self.shares, self.depths, self.sigmas, self.distances, self.distance_sigmas
+        places, moved_by = body.places(configuration.state), body.model.chain.link_moved_by
+        return add_depths(
+            *guesses, self.centers, self.rays, self.weight, sharpness, places, body.links, moved_by, configuration.twists, H, g
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +146,7 @@ class PointsAt:
     Attributes
     ----------
     state, equations : the state, and the normal equations there.
-    cameras : what each camera says of it.
+    normal, gradient : (n_cameras, n_links, 6, 6), (n_cameras, n_links, 6) of each camera at the best offsets.
     offsets : (n_points, 3) meters, best offset of each point in its link.
     information : (n_points, 3, 3) of the images about the place of each point, in the axes of its link.
     weights : (n_points, n_cameras) probability that a detection is no outlier; -1 where there is none.
@@ -163,7 +155,8 @@ class PointsAt:
 
     state: State
     equations: NormalEquations
-    cameras: tuple[CameraEquations | None, ...]
+    normal: np.ndarray
+    gradient: np.ndarray
     offsets: np.ndarray
     information: np.ndarray
     weights: np.ndarray
@@ -201,7 +194,9 @@ class KeypointCorrespondences:
 
     def camera_equations(self, state: State) -> Sequence[CameraEquations | None]:
         """What each camera says of ``state`` at the best offsets; None for one without points."""
-        return self.at(state).cameras
+        there = self.at(state)
+        found = zip(there.normal, there.gradient, (there.weights >= 0.0).any(axis=0), strict=True)
+        return [CameraEquations(normal, gradient) if seen else None for normal, gradient, seen in found]
 
     def squares_px(self, state: State) -> np.ndarray:
         """(n_points, n_cameras) squared distances in pixels at the best offsets; 0 where there is no point."""
@@ -212,7 +207,7 @@ class KeypointCorrespondences:
     def _compared(self, state: State) -> PointsAt:
         body, chain = self.body, self.body.model.chain
         n_points, n_cameras = self.observed.shape[:2]
-        n_links, n_dof = len(chain.links), chain.n_dof
+        n_links = len(chain.links)
         normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
         of_cameras = np.zeros((n_cameras, n_links, 6, 6)), np.zeros((n_cameras, n_links, 6))
         weights, squares = np.empty((n_points, n_cameras)), np.empty((n_points, n_cameras))
@@ -222,13 +217,8 @@ class KeypointCorrespondences:
             self.observed, self._cameras, configuration.Ts_world_link, body.links, body.positions, body.means, body.priors,
             self._sharpness, (normal, gradient, *of_cameras), (offsets, information, weights, squares),
         )  # fmt: skip
-        H, g = np.empty((n_dof, n_dof)), np.empty(n_dof)
+        H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
         assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
         if self._depths is not None:
-            of_depths = self._depths.compared(body, configuration, self._sharpness)
-            H, g, cost = H + of_depths[0], g + of_depths[1], cost + of_depths[2]
-        cameras = tuple(
-            CameraEquations(of_cameras[0][i], of_cameras[1][i]) if (weights[:, i] >= 0.0).any() else None
-            for i in range(n_cameras)
-        )
-        return PointsAt(state, NormalEquations(H, g, cost, count), cameras, offsets, information, weights, squares)
+            cost += self._depths.add_to(H, g, body, configuration, self._sharpness)
+        return PointsAt(state, NormalEquations(H, g, cost, count), *of_cameras, offsets, information, weights, squares)

@@ -39,6 +39,27 @@ def _solve3(A, b, x):
 
 
 @compiled
+def places_of(Ts_link, links, positions):
+    """Where points are that links carry.
+
+    Parameters
+    ----------
+    Ts_link : (n_links, 4, 4), to the world.
+    links, positions : (n,), and (n, 3) meters in the frames of these links.
+
+    Returns
+    -------
+    (n, 3) meters, world.
+    """
+    places = np.empty((links.size, 3))
+    for k in range(links.size):
+        T, p = Ts_link[links[k]], positions[k]
+        for a in range(3):
+            places[k, a] = T[a, 0] * p[0] + T[a, 1] * p[1] + T[a, 2] * p[2] + T[a, 3]
+    return places
+
+
+@compiled
 def look(point, observed, params, R, t, sharpness, information, pull):
     """One camera's cost of a point in the world, with its information (3, 3) and pull (3,), overwritten.
 
@@ -229,3 +250,66 @@ def sum_points(observed, cameras, Ts, links, positions, means, priors, sharpness
         known_through_offset(total, T, priors[k], known)
         add_twist(known, total_pull, point, normal[links[k]], gradient[links[k]])
     return cost, count
+
+
+_WILD = 0.05  # density of a guess that is anything, in that of one that is right
+_FARTHEST = 400.0  # of squares, beyond which a guess is wrong however far it is off
+
+
+@compiled
+def add_depths(
+    bones, shares, depths, sigmas, distances, distance_sigmas, centers, rays, weight, sharpness, places, links, moved_by, twists,
+    H, g,
+):  # fmt: skip
+    """Add guesses of how far a body and the ends of its bones are along the rays of cameras to normal equations.
+
+    Parameters
+    ----------
+    bones, shares, depths, sigmas, distances, distance_sigmas, centers, rays, weight : of `GuessedDepths`.
+    sharpness : factor of the squares.
+    places, links : (n_points, 3) meters, world, and (n_points,) the links that carry the points.
+    moved_by, twists : (n_links, n_dof) mask, and (n_dof, 6).
+    H, g : (n_dof, n_dof) and (n_dof,), added to.
+
+    Returns
+    -------
+    float : their cost.
+    """
+    (n_bones, n_points), n, cost, odds = bones.shape, twists.shape[0], 0.0, sharpness * _WILD
+    along, lead, S, pull, pushed = np.empty(3), np.empty((3, n)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    for bone in range(n_bones + 1):  # the last is the middle of the points, from the camera
+        along[:], lead[:], S[:], pull[:] = 0.0, 0.0, 0.0, 0.0
+        for k in range(n_points):
+            factor = bones[bone, k] if bone < n_bones else 1.0 / n_points
+            if factor == 0.0:
+                continue
+            x, y, z = places[k, 0], places[k, 1], places[k, 2]
+            along[0], along[1], along[2] = along[0] + factor * x, along[1] + factor * y, along[2] + factor * z
+            for i in range(n):
+                if moved_by[links[k], i]:
+                    t = twists[i]
+                    lead[0, i] += factor * (t[0] + t[4] * z - t[5] * y)
+                    lead[1, i] += factor * (t[1] + t[5] * x - t[3] * z)
+                    lead[2, i] += factor * (t[2] + t[3] * y - t[4] * x)
+        for c in range(len(rays)):
+            e = 0.0
+            for a in range(3):
+                e += rays[c, a] * (along[a] if bone < n_bones else along[a] - centers[c, a])
+            scale = shares[bone] / sigmas[bone] if bone < n_bones else 1.0 / distance_sigmas[c]
+            e = scale * e - (depths[c, bone] / sigmas[bone] if bone < n_bones else distances[c] * scale)
+            if not np.isfinite(e):
+                continue
+            near = math.exp(-0.5 * sharpness * min(e * e, _FARTHEST))
+            w = sharpness * weight * near / (near + odds)
+            cost -= 2.0 * weight * math.log((near + odds) / (1.0 + odds))
+            for a in range(3):
+                pull[a] += w * scale * e * rays[c, a]
+                for b in range(3):
+                    S[a, b] += w * scale * scale * rays[c, a] * rays[c, b]
+        for i in range(n):
+            for a in range(3):
+                pushed[a] = S[a, 0] * lead[0, i] + S[a, 1] * lead[1, i] + S[a, 2] * lead[2, i]
+                g[i] += pull[a] * lead[a, i]
+            for j in range(n):
+                H[i, j] += pushed[0] * lead[0, j] + pushed[1] * lead[1, j] + pushed[2] * lead[2, j]
+    return cost

@@ -22,7 +22,7 @@ from ...parallel import serial
 from ...render.contour.samples import most_samples
 from ...render.occluders import NO_NEIGHBORS, NOTHING, PackedNeighbors
 from ...render.shape_arrays import ShapeArrays
-from ..contour_residual import assemble
+from ..contour_residual import assemble, sum_of_cameras
 from ..normal_equations import CameraEquations, NormalEquations
 from ..per_camera import bodies_seen, camera_constants, cameras_by_body
 from . import correspondence as kernel
@@ -125,24 +125,6 @@ class PartEvidence:
 
 
 @dataclass(frozen=True, eq=False)
-class CameraSums:
-    """The lines of one camera, summed at one state: 6x6 matrices of the links, gradients, statistics of the kernel."""
-
-    normal: np.ndarray
-    gradient: np.ndarray
-    stats: np.ndarray
-
-    @classmethod
-    def empty(cls, n_links: int) -> CameraSums:
-        return cls(np.zeros((n_links, 6, 6)), np.zeros((n_links, 6)), np.zeros(kernel.N_STATISTICS))
-
-    @property
-    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As the kernels take them."""
-        return self.normal, self.gradient, self.stats
-
-
-@dataclass(frozen=True, eq=False)
 class CameraLines:
     """Lines of one camera: ``lines`` (n, `N_LINE_COLUMNS`), ``info`` (n, `N_INFO_COLUMNS`), the camera's constants."""
 
@@ -211,30 +193,62 @@ class LineDrawer:
         bodies, n_links = bodies_seen(self._model, state, offsets), len(self._model.chain.links)
         means = _OF_SHAPES if surfaces is None else surfaces.means
         lines: list[CameraLines | None] = [None] * len(views)
-        sums: list[CameraSums | None] = [None] * len(views)
+        sums = LineSums.empty(state, bodies, n_links)
 
         def run(i: int) -> None:
-            view, work, own = views[i], self._work[i], CameraSums.empty(n_links)
+            view, work = views[i], self._work[i]
             assert view is not None
             n = correspond_camera(
                 view.packed, self._covers[i], self._classes, self._arrays.packed, self._arrays.bounds, bodies[i].Ts_world_shape,
-                bodies[i].Ts_world_link, self._cameras[i], n_samples, self._options.outward_px, packed, means, work, own.arrays,
+                bodies[i].Ts_world_link, self._cameras[i], n_samples, self._options.outward_px, packed, means, work,
+                sums.of_camera(i),
             )  # fmt: skip
             _, _, info, drawn = work
-            lines[i], sums[i] = CameraLines(drawn[:n].copy(), info[:n].copy(), self._cameras[i]), own
+            lines[i] = CameraLines(drawn[:n].copy(), info[:n].copy(), self._cameras[i])
 
         self._map(run, [i for i, view in enumerate(views) if view is not None])
-        drawn_lines = _Drawn(self._model, tuple(lines), packed, tuple(offsets), surfaces)
-        return LineCorrespondences(drawn_lines, LineSums(state, bodies, tuple(sums)))
+        return LineCorrespondences(_Drawn(self._model, tuple(lines), packed, tuple(offsets), surfaces), sums)
 
 
 @dataclass(frozen=True, eq=False)
 class LineSums:
-    """Lines summed at ``state``: the body as each camera sees it, and each camera's sums."""
+    """Lines summed at ``state``: ``bodies`` as each camera sees it, and each camera's sums, zero where it shows nothing.
+
+    Attributes
+    ----------
+    normal, gradient : (n_cameras, n_links, 6, 6), (n_cameras, n_links, 6), by spatial twists of the links.
+    stats : (n_cameras, `correspondence.N_STATISTICS`).
+    """
 
     state: State
     bodies: Sequence[Configuration]
-    cameras: tuple[CameraSums | None, ...]
+    normal: np.ndarray
+    gradient: np.ndarray
+    stats: np.ndarray
+
+    @classmethod
+    def empty(cls, state: State, bodies: Sequence[Configuration], n_links: int) -> LineSums:
+        """Of no lines.
+
+        Parameters
+        ----------
+        state, bodies : see the class.
+        n_links : of the body.
+
+        Returns
+        -------
+        Zeros, to be filled.
+        """
+        n = len(bodies)
+        return cls(state, bodies, np.zeros((n, n_links, 6, 6)), np.zeros((n, n_links, 6)), np.zeros((n, kernel.N_STATISTICS)))
+
+    def of_camera(self, i: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As kernels fill them."""
+        return self.normal[i], self.gradient[i], self.stats[i]
+
+    def total(self, statistic: int) -> float:
+        """One of the statistics over all cameras."""
+        return sum(self.stats[:, statistic].tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,12 +297,11 @@ class LineCorrespondences:
 
     def _summed(self, state: State) -> LineSums:
         drawn = self._drawn
-        bodies = bodies_seen(drawn.model, state, drawn.offsets)
-        sums: list[CameraSums | None] = [None] * len(drawn.cameras)
+        sums = LineSums.empty(state, bodies_seen(drawn.model, state, drawn.offsets), len(drawn.model.chain.links))
         for i, own in drawn.seeing:
-            sums[i] = found = CameraSums.empty(len(drawn.model.chain.links))
-            sum_camera(own.lines, own.info, len(own.lines), bodies[i].Ts_world_link, own.camera, drawn.packed, found.arrays)
-        return LineSums(state, bodies, tuple(sums))
+            T = sums.bodies[i].Ts_world_link
+            sum_camera(own.lines, own.info, len(own.lines), T, own.camera, drawn.packed, sums.of_camera(i))
+        return sums
 
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations of the lines at ``state``; not to be written into."""
@@ -296,7 +309,8 @@ class LineCorrespondences:
 
     def camera_equations(self, state: State) -> list[CameraEquations | None]:
         """What each camera says of ``state``; None for one that shows nothing."""
-        return [None if own is None else CameraEquations(own.normal, own.gradient) for own in self.at(state).sums.cameras]
+        sums, shown = self.at(state).sums, self.cameras
+        return [None if own is None else CameraEquations(sums.normal[i], sums.gradient[i]) for i, own in enumerate(shown)]
 
 
 class LinesAt:
@@ -311,13 +325,9 @@ class LinesAt:
         """Normal equations."""
         model, active = self._drawn.model, [i for i, _ in self._drawn.seeing]
         H, g = np.zeros((model.n_dof, model.n_dof)), np.zeros(model.n_dof)
-        cost, count = 0.0, 0
+        cost, count = self.sums.total(kernel.COST), int(self.sums.total(kernel.COUNT))
         for together in cameras_by_body(active, self.sums.bodies):
-            cost -= self._assemble(together, H, g)
-        for i in active:
-            stats = self.stats(i)
-            cost += float(stats[kernel.COST])
-            count += int(stats[kernel.COUNT])
+            cost -= self._assemble(np.array(together), len(together) == len(active), H, g)
         return NormalEquations(H, g, cost, count)
 
     @cached_property
@@ -344,36 +354,25 @@ class LinesAt:
             )  # fmt: skip
         return SurfaceSums(*table, drawn.surfaces.priors, model.shape_links)
 
-    def _assemble(self, cameras: Sequence[int], H: np.ndarray, g: np.ndarray) -> float:
+    def _assemble(self, cameras: np.ndarray, whole: bool, H: np.ndarray, g: np.ndarray) -> float:
         """Add what the links say in these cameras, which see one and the same body; what the surfaces take off their cost."""
-        chain, body = self._drawn.model.chain, self.sums.bodies[cameras[0]]
-        own_H, own_g = np.empty_like(H), np.empty_like(g)
-        normal, gradient = np.zeros((len(chain.links), 6, 6)), np.zeros((len(chain.links), 6))
-        for i in cameras:
-            found = self.sums.cameras[i]
-            assert found is not None
-            normal += found.normal
-            gradient += found.gradient
-        whole = len(cameras) == len(self._drawn.seeing)
+        chain, body, sums = self._drawn.model.chain, self.sums.bodies[cameras[0]], self.sums
+        normal, gradient = sum_of_cameras(sums.normal, sums.gradient, cameras)
         surfaces = self.surfaces if whole else self._surfaces(cameras, float(self._drawn.packed[kernel.MODEL_VARIANCE]))
         if surfaces is not None:
             normal -= surfaces.of_links(len(normal))
             gradient -= surfaces.pulls(len(gradient))
-        assemble(normal, gradient, chain.link_moved_by, body.twists, own_H, own_g)
-        H += own_H
-        g += own_g
+        assemble(normal, gradient, chain.link_moved_by, body.twists, H, g)
         return 0.0 if surfaces is None else surfaces.cost
 
     def stats(self, i: int) -> np.ndarray:
         """(`correspondence.N_STATISTICS`,) of camera ``i``; zeros where it shows nothing."""
-        found = self.sums.cameras[i]
-        return np.zeros(kernel.N_STATISTICS) if found is None else found.stats
+        return self.sums.stats[i]
 
     @property
     def cost_per_line(self) -> float:
         """Robust cost over all lines."""
-        stats = np.array([self.stats(i) for i, _ in self._drawn.seeing]).reshape(-1, kernel.N_STATISTICS)
-        return float(stats[:, kernel.COST].sum() / max(stats[:, kernel.COUNT].sum(), 1.0))
+        return self.sums.total(kernel.COST) / max(self.sums.total(kernel.COUNT), 1.0)
 
     def part_evidence(self, close_px: float) -> PartEvidence:
         """How far the outline agrees with the lines; a contour within ``close_px`` pixels of it is close."""

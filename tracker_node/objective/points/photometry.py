@@ -237,7 +237,7 @@ class SurfaceCorrespondences:
             link_normal += normal
             link_gradient += gradient
         mirror(link_normal)
-        H, g = np.empty((chain.n_dof, chain.n_dof)), np.empty(chain.n_dof)
+        H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
         assemble(link_normal, link_gradient, chain.link_moved_by, configuration.twists, H, g)
         return NormalEquations(H, g, float(sums[:, COST].sum()), int(sums[:, COUNT].sum()))
 

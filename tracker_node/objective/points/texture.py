@@ -194,7 +194,6 @@ class TextureLevel:
         self._frozen = octaves
         chain = self.model.chain
         n_links = len(chain.links)
-        H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
         normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
         shared: list[np.ndarray] = []
         cost, count = 0.0, 0
@@ -212,6 +211,7 @@ class TextureLevel:
                     channel, fit[:5], self._weights, normal, gradient, rows,
                 )  # fmt: skip
                 shared.append(rows)
+        H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
         assemble(normal, gradient, chain.link_moved_by, configuration.twists, H, g)
         for rows in shared:
             # (2, n_dof): what gain and offset would explain

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...camera.rig import CameraRig
+from ...compiled.kernels import compiled
 from ...geometry import so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
@@ -140,22 +141,14 @@ class SelfCheck:
         configuration = configured(self._model, fit.state)
         moved, twists = self._model.chain.link_moved_by, configuration.twists
         link_velocities = (moved * velocity) @ twists  # (l, 6)
-        n_cameras, n_links = len(self._names), len(moved)
+        n_cameras = len(self._names)
         L, e = np.zeros((_N * n_cameras, _N * n_cameras)), np.zeros(_N * n_cameras)
         E = np.zeros((len(twists), _N * n_cameras))
-        F = np.empty((n_links, 6, _N))
-        F[:, :, 3] = -link_velocities
         for i, camera in enumerate(fit.cameras):
-            if camera is None:
-                continue
-            own = slice(_N * i, _N * (i + 1))
-            F[:, :, :3] = self._turns[i]
-            NF = camera.normal @ F
-            rows = F.reshape(-1, _N).T
-            L[own, own] = rows @ NF.reshape(-1, _N)
-            e[own] = rows @ camera.gradient.ravel()
-            by_dof = (moved.T.astype(np.float64) @ NF.reshape(n_links, 6 * _N)).reshape(-1, 6, _N)
-            E[:, own] = np.einsum("da,dak->dk", twists, by_dof)
+            if camera is not None:
+                own = slice(_N * i, _N * (i + 1))
+                faults = self._turns[i], link_velocities
+                _add_camera(camera.normal, camera.gradient, *faults, moved, twists, L[own, own], e[own], E[:, own])
         H = fit.equations.H + 1e-9 * np.trace(fit.equations.H) / len(E) * np.eye(len(E))
         solved = np.linalg.solve(H, np.column_stack([E, fit.equations.g]))
         return L - E.T @ solved[:, :-1], e - E.T @ solved[:, -1]
@@ -262,6 +255,36 @@ class SelfCheck:
             if (earlier.camera, earlier.kind) == (fault.camera, fault.kind):
                 return replace(fault, since_ns=min(earlier.since_ns, fault.since_ns))
         return fault
+
+
+@compiled
+def _add_camera(normal, gradient, turns, velocities, moved_by, twists, L, e, E):
+    """Add what one camera says of its own faults: to ``L`` (4, 4) and ``e`` (4,), and to ``E`` (n_dof, 4) beside the state.
+
+    ``turns`` (6, 3) are twists of all links for a turn of the camera; for a delay each goes back along its ``velocities``
+    (n_links, 6).
+    """
+    n_links, n = moved_by.shape
+    faults, told = np.empty((6, _N)), np.empty((6, _N))
+    faults[:, :3] = turns
+    for link in range(n_links):
+        for a in range(6):
+            faults[a, 3] = -velocities[link, a]
+        for a in range(6):
+            for k in range(_N):
+                told[a, k] = 0.0
+                for b in range(6):
+                    told[a, k] += normal[link, a, b] * faults[b, k]
+        for k in range(_N):
+            for a in range(6):
+                e[k] += faults[a, k] * gradient[link, a]
+                for m in range(_N):
+                    L[k, m] += faults[a, k] * told[a, m]
+        for i in range(n):
+            if moved_by[link, i]:
+                for a in range(6):
+                    for k in range(_N):
+                        E[i, k] += twists[i, a] * told[a, k]
 
 
 def _turn_twists(T_world_cam: np.ndarray) -> np.ndarray:

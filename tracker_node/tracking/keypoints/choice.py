@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from ...camera.rig import CameraRig
+from ...compiled.kernels import compiled
 from ...model.configuration import State
 from ...model.humans.measures import mirrored_name
 from ...observation.keypoints.people import Person, rearranged
 from ..engine import Choice
 from ..modality import PeopleSeen, Persons
-from .modality import KeypointModality
+from .modality import KeypointModality, rows_of
 from .people_groups import mirrored
 from .start import PointStart
 
@@ -92,7 +91,7 @@ class PersonChoice(Choice):
         camera, names = self._rig.cameras[i], self._modality.names
         pixels, seen = camera.project(places)
         sigma_px = self._sigma_px(i, places, _PAIR_M)
-        rows = np.array([person.names.index(name) for name in names])
+        rows = rows_of(person.names, names)
         found = self._distances(person, rows, pixels, sigma_px)
         exchanged = self._distances(person, rows[self._mirrored], pixels, sigma_px)
         gain = np.where(seen & np.isfinite(found - exchanged), found - exchanged, 0.0)
@@ -101,8 +100,7 @@ class PersonChoice(Choice):
     @staticmethod
     def _distances(person: Person, rows: np.ndarray, pixels: np.ndarray, sigma_px: float) -> np.ndarray:
         """(n,) costs of the points in ``rows``: half of the squared distances, linear far off, times their scores."""
-        S, e = person.covariances[rows] + sigma_px**2 * np.eye(2), person.pixels[rows] - pixels
-        far = np.sqrt(np.einsum("ni,nij,nj->n", e, np.linalg.inv(S), e))
+        far = np.sqrt(_squares(person.pixels, person.covariances, rows, pixels, sigma_px)[0])
         return person.scores[rows] * np.where(far < _PAIR_FAR, 0.5 * far**2, _PAIR_FAR * (far - 0.5 * _PAIR_FAR))
 
     def _with_rows(self, person: Person, wrong: np.ndarray) -> Person:
@@ -143,12 +141,9 @@ class PersonChoice(Choice):
 
         Somebody who sits behind a table has points of small scores, and is as much the body as one who stands free.
         """
-        rows = _rows(person.names, self._modality.names)
+        rows = rows_of(person.names, self._modality.names)
         area = max((person.box[2] - person.box[0]) * (person.box[3] - person.box[1]), 1.0) * 4.0
-        S, (u, v) = person.covariances[rows], (person.pixels[rows] - pixels).T
-        uu, uv, vv = S[:, 0, 0] + sigma_px**2, S[:, 0, 1], S[:, 1, 1] + sigma_px**2
-        determinant = uu * vv - uv * uv
-        square = (vv * u * u - 2.0 * uv * u * v + uu * v * v) / determinant
+        square, determinant = _squares(person.pixels, person.covariances, rows, pixels, sigma_px)
         density = np.exp(-0.5 * square) / (2.0 * np.pi * np.sqrt(determinant))
         ratio = np.log((1.0 - _OUTLIER) * density * area + _OUTLIER)
         says = seen & np.isfinite(ratio)
@@ -156,7 +151,16 @@ class PersonChoice(Choice):
         return float((scores * ratio[says]).sum()), float(scores.sum())
 
 
-@lru_cache(maxsize=64)
-def _rows(names: tuple[str, ...], wanted: tuple[str, ...]) -> np.ndarray:
-    """Where some names are among others."""
-    return np.array([names.index(name) for name in wanted])
+@compiled
+def _squares(points, covariances, rows, expected, sigma_px):
+    """(n,) squared distances of the points in ``rows`` from where they are expected, over their variance; its determinants, px^4.
+
+    ``sigma_px`` is the standard deviation of what is expected.
+    """
+    squares, determinants = np.empty(rows.size), np.empty(rows.size)
+    for k in range(rows.size):
+        S, u, v = covariances[rows[k]], points[rows[k], 0] - expected[k, 0], points[rows[k], 1] - expected[k, 1]
+        uu, uv, vv = S[0, 0] + sigma_px**2, S[0, 1], S[1, 1] + sigma_px**2
+        determinants[k] = uu * vv - uv * uv
+        squares[k] = (vv * u * u - 2.0 * uv * u * v + uu * v * v) / determinants[k]
+    return squares, determinants

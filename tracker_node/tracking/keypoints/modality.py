@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -38,6 +39,21 @@ from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 
 _OUTLIERS_UNSURE = 0.4  # fraction of outliers among points whose score is nothing; measured on the clips of the offsets
+
+
+@lru_cache(maxsize=64)
+def rows_of(names: tuple[str, ...], wanted: tuple[str, ...]) -> np.ndarray:
+    """Where the points of a body are among those of a person.
+
+    Parameters
+    ----------
+    names, wanted : of the person's points, and of the body's, all of which are among them.
+
+    Returns
+    -------
+    (n,) indices, not to be written into.
+    """
+    return np.array([names.index(name) for name in wanted])
 
 
 def points_of(model: ArticulatedModel, table: KeypointTable, offset_scale: float = 1.0) -> tuple[tuple[str, ...], BodyPoints]:
@@ -115,7 +131,7 @@ class KeypointModality(Modality):
         outliers, areas, scores = np.ones((n, m)), np.ones(m), np.zeros((n, m))
         for i, person in enumerate(persons):
             if person is not None:
-                rows = [person.names.index(name) for name in self.names]
+                rows = rows_of(person.names, self.names)
                 size = max(person.box[2] - person.box[0], person.box[3] - person.box[1], 1.0)
                 floor = (config.sigma_fraction * size) ** 2
                 pixels[:, i] = person.pixels[rows]
@@ -190,12 +206,12 @@ class DepthGuesses:
         for i, (camera, person) in enumerate(zip(self._rig, persons, strict=True)):
             if person is None or person.skeleton is None:
                 continue
-            rows = [person.names.index(name) for name in self._names]
+            rows = rows_of(person.names, self._names)
             pixels, skeleton = person.pixels[rows], self._meters * person.skeleton[rows]
             known = np.isfinite(skeleton).all(axis=1)
             if known.any():
-                for k, bone in enumerate(self._bones):
-                    depths[i, k] = bone[bone != 0.0] @ skeleton[bone != 0.0, 2]
+                ends = self._bones != 0.0
+                depths[i] = np.where((ends & ~known).any(axis=1), np.nan, self._bones @ np.where(known, skeleton[:, 2], 0.0))
                 seen, flat = (each[known] - each[known].mean(axis=0) for each in (pixels, skeleton[:, :2]))
                 px_per_m = max(float((seen * flat).sum()), 1e-9) / max(float((flat * flat).sum()), 1e-9)
                 distances[i] = float(camera.model.params[0]) / px_per_m

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from ...compiled.kernels import compiled
-from ...geometry import so3
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
 from ...objective.lines.correspondences import PartEvidence
@@ -48,6 +47,7 @@ MEASURES = ("close share, mean", "close share, median camera", "log-likelihood r
 COEFFICIENTS = np.array([7.3, -3.3, -2.8, -0.5, -3.2])
 _LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, whatever it has always been...
 _LEAST_CONFIRMED = 0.25 * _LEAST_LEVELS  # ...unless points say that it is: clothes may have the colors of what is behind them
+_MOST_OF_LEVEL = 1.5  # that a measure counts for
 _LEVEL_RATE = 0.05  # weight of the newest image set in the levels
 
 
@@ -68,20 +68,21 @@ def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | No
     (4,), or None where too little of the limb should be seen.
     """
     result = np.empty(len(MEASURES))
-    told = evidence.expected - np.minimum(evidence.filled, _MOST_FILLED * evidence.expected)
-    return result if _measure(told, evidence.close, evidence.log_ratio, shapes, result) else None
+    tables = evidence.expected, evidence.filled, evidence.close, evidence.log_ratio
+    return result if _measure(*tables, shapes, result) else None
 
 
 @compiled
-def _measure(expected, close, log_ratio, shapes, result):
+def _measure(expected, filled, close, log_ratio, shapes, result):
     """Fill ``result`` with `MEASURES`; whether any camera says enough for that. Tables are (n_cameras, n_shapes)."""
     n_cameras, n_shapes = expected.shape
+    told = expected - np.minimum(filled, _MOST_FILLED * expected)
     shares, n_seen, total, total_close, confidence = np.empty(n_cameras), 0, 0.0, 0.0, 0.0
     for i in range(n_cameras):
         here, found, ratio = 0.0, 0.0, 0.0
         for j in range(n_shapes):
             if shapes[j]:
-                here, found, ratio = here + expected[i, j], found + close[i, j], ratio + log_ratio[i, j]
+                here, found, ratio = here + told[i, j], found + close[i, j], ratio + log_ratio[i, j]
         if here >= _LEAST_IN_CAMERA:
             at, share = n_seen, found / here
             while at > 0 and shares[at - 1] > share:  # in order
@@ -93,13 +94,63 @@ def _measure(expected, close, log_ratio, shapes, result):
         return False
     worst = np.inf
     for j in range(n_shapes):
-        part = expected[:, j].sum() if shapes[j] else 0.0
+        part = told[:, j].sum() if shapes[j] else 0.0
         if part >= _LEAST_OF_PART:
             worst = min(worst, close[:, j].sum() / part)
     share = total_close / total
     result[0], result[1], result[2] = share, shares[n_seen // 2], confidence / total
     result[3] = worst if worst < np.inf else share
     return True
+
+
+@compiled
+def _share_of(part, whole, shapes):
+    """What samples of some shapes (n_shapes,) mask are one thing, of those that are another; tables (n_cameras, n_shapes)."""
+    some, most = 0.0, 0.0
+    for i in range(whole.shape[0]):
+        for j in range(whole.shape[1]):
+            if shapes[j]:
+                some, most = some + part[i, j], most + whole[i, j]
+    return some / max(most, 1.0)
+
+
+@compiled
+def _odds(measures, levels):
+    """Log odds of lost of a limb whose measures have these levels."""
+    odds = COEFFICIENTS[0]
+    for k in range(measures.size):
+        odds += COEFFICIENTS[1 + k] * min(measures[k] / levels[k], _MOST_OF_LEVEL)
+    return min(levels[0] / _LEAST_LEVELS[0], 1.0) * odds  # an outline that is hardly ever found says little
+
+
+@compiled
+def _of_points(links, points, Ts_link, moved_by, twists, covariance):
+    """(n, 3, 3) covariances, m^2, of points (n, 3) that are fixed on links, by that of the state."""
+    n = twists.shape[0]
+    found, J, half, place = np.empty((links.size, 3, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(3)
+    dofs = np.empty(n, dtype=np.int64)
+    for k in range(links.size):
+        T, count = Ts_link[links[k]], 0
+        for a in range(3):
+            place[a] = T[a, 0] * points[k, 0] + T[a, 1] * points[k, 1] + T[a, 2] * points[k, 2] + T[a, 3]
+        for i in range(n):
+            if moved_by[links[k], i]:
+                dofs[count] = i
+                for a in range(3):
+                    b, c = (a + 1) % 3, (a + 2) % 3
+                    J[count, a] = twists[i, a] + twists[i, 3 + b] * place[c] - twists[i, 3 + c] * place[b]
+                count += 1
+        for i in range(count):
+            half[i] = 0.0
+            for j in range(count):
+                for a in range(3):
+                    half[i, a] += covariance[dofs[i], dofs[j]] * J[j, a]
+        found[k] = 0.0
+        for i in range(count):
+            for a in range(3):
+                for b in range(3):
+                    found[k, a, b] += J[i, a] * half[i, b]
+    return found
 
 
 class LimbJudge:
@@ -116,6 +167,7 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
+        self._tips = np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
         self._known_m = _KNOWN_OF_THING * thing_size(model)
         self._sigmas_of: tuple[Any, Any, np.ndarray] = None, None, np.zeros(0)  # of which state and covariance, the last ones
         self.reset()
@@ -186,8 +238,7 @@ class LimbJudge:
         if others is None:
             others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
-        shapes = [limb.shapes for limb in self.limbs]
-        empty = [float(evidence.empty[:, s].sum() / max(evidence.expected[:, s].sum(), 1.0)) for s in shapes]
+        empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
         return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i]), told[i]) for i in range(len(self.limbs)))
 
@@ -215,12 +266,7 @@ class LimbJudge:
         Natural logarithm.
         """
         assert self._levels is not None
-        tells = min(float(self._levels[i, 0] / _LEAST_LEVELS[0]), 1.0)  # an outline that is hardly ever found says little
-        return tells * float(COEFFICIENTS[0] + self._shares_of(i, measures) @ COEFFICIENTS[1:])
-
-    def _shares_of(self, i: int, measures: np.ndarray) -> np.ndarray:
-        assert self._levels is not None
-        return np.minimum(measures / self._levels[i], 1.5)
+        return _odds(measures, self._levels[i])
 
     def _first_levels(self, measures: Sequence[np.ndarray | None]) -> np.ndarray:
         """Those of the median limb, for all: one that is off from the beginning is not to be the standard of itself; its own of
@@ -246,8 +292,10 @@ class LimbJudge:
         elsewhere = _beyond(LOST_TIP_M, sigma_m)
         if i > 0:  # what hangs on a lost trunk is lost, whatever it happens to lie on
             elsewhere = max(elsewhere, float(self.probabilities[0]))
-        self.shares[i] = np.nan if measures is None else self._shares_of(i, measures)
-        outline = 0.0 if measures is None else self.odds(i, measures)
+        outline, self.shares[i] = 0.0, np.nan
+        if measures is not None:
+            assert self._levels is not None
+            outline, self.shares[i] = self.odds(i, measures), np.minimum(measures / self._levels[i], _MOST_OF_LEVEL)
         if i > 0 and not math.isnan(others):
             agrees = others + max(outline, -_BESIDE) <= _CONFIRMED
             self._confirmed[i] = agrees and sigma_m <= _KNOWN_M
@@ -257,8 +305,8 @@ class LimbJudge:
             self.probabilities[i] = p
             return LimbReport(limb.name, LimbStatus.UNSEEN, "hidden, or in no image", 1.0 - (1.0 - p) * (1.0 - elsewhere))
         if others:  # which limb it is they know; how much of an outline is found depends on clothes and walls
-            outline = float(np.clip(outline, -_BESIDE, _BESIDE))
-        odds = float(np.clip(outline + others, -config.evidence_limit, config.evidence_limit))
+            outline = min(max(outline, -_BESIDE), _BESIDE)
+        odds = min(max(outline + others, -config.evidence_limit), config.evidence_limit)
         p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
         if i > 0 and not others and not told and p > before:
             p = max(min(p, _UNTOLD), before)
@@ -326,13 +374,8 @@ class LimbJudge:
         if self._sigmas_of[0] is state and self._sigmas_of[1] is covariance:
             return self._sigmas_of[2]
         body = configured(self._model, state)
-        ends = [limb.end for limb in self.limbs]
-        T, tips = body.Ts_world_link[ends], np.array([limb.tip for limb in self.limbs])
-        places = np.einsum("nij,nj->ni", T[:, :3, :3], tips) + T[:, :3, 3]
-        v, w = body.twists[:, :3], body.twists[:, 3:]
-        J = (v - w @ np.swapaxes(so3.hat(places), 1, 2)) * self._model.chain.link_moved_by[ends][:, :, None]  # v + w x place
-        variances = np.linalg.eigvalsh(np.swapaxes(J, 1, 2) @ covariance @ J)[:, -1]
-        sigmas = np.sqrt(np.maximum(variances, 0.0))
+        of_tips = _of_points(*self._tips, body.Ts_world_link, self._model.chain.link_moved_by, body.twists, covariance)
+        sigmas = np.sqrt(np.maximum(np.linalg.eigvalsh(of_tips)[:, -1], 0.0))
         self._sigmas_of = state, covariance, sigmas
         return sigmas
 

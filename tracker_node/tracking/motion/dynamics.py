@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...compiled.kernels import compiled
 from ...geometry import so3
 from ...model.configuration import State
 from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
@@ -54,7 +55,7 @@ class Belief:
     def prior(self) -> Prior:
         """Prior of the state, in units of information."""
         information = np.linalg.inv(self.state_covariance)
-        return Prior(self.state, 0.5 * (information + information.T))
+        return Prior(self.state, 0.5 * (information + information.T), self.state_covariance)
 
     @cached_property
     def velocity_by_state(self) -> np.ndarray:
@@ -139,12 +140,11 @@ class Dynamics:
         -------
         The belief then.
         """
-        step, F = self._transition(belief, elapsed_s)
-        n = belief.velocity.size
-        covariance = F @ belief.covariance @ F.T
-        for (row, column), noise in zip(((0, 0), (0, n), (n, 0), (n, n)), self._noises(elapsed_s), strict=True):
-            covariance[np.arange(row, row + n), np.arange(column, column + n)] += noise
-        return Belief(belief.state.retract(step), self._kept(elapsed_s) * belief.velocity, _symmetric(covariance))
+        kept = self._kept(elapsed_s)
+        reach = self.memory_s * (1.0 - kept)
+        step = reach * belief.velocity
+        covariance = _propagated(belief.covariance, step, reach, kept, *self._noises(elapsed_s))
+        return Belief(belief.state.retract(step), kept * belief.velocity, covariance)
 
     def transition(self, belief: Belief, elapsed_s: float) -> np.ndarray:
         """Derivative of `propagate`'s mean by that of a belief.
@@ -157,31 +157,15 @@ class Dynamics:
         -------
         (2 n_dof, 2 n_dof).
         """
-        return self._transition(belief, elapsed_s)[1]
-
-    def _transition(self, belief: Belief, elapsed_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Mean displacement (n_dof,) and the derivative.
-
-        The rotation goes from R to exp(w) R, w the turn; a small turn d before it is exp(w) d after it, and a change of w comes
-        in through the left Jacobian of SO(3).
-        """
-        n = belief.velocity.size
         kept = self._kept(elapsed_s)
         reach = self.memory_s * (1.0 - kept)
-        step = reach * belief.velocity
-        F = np.zeros((2 * n, 2 * n))
-        F[np.arange(n), np.arange(n)] = 1.0
-        F[np.arange(n), np.arange(n, 2 * n)] = reach
-        F[np.arange(n, 2 * n), np.arange(n, 2 * n)] = kept
-        F[_ROTATION, _ROTATION] = so3.exp(step[_ROTATION])
-        F[_ROTATION, n + 3 : n + 6] = so3.left_jacobian(step[_ROTATION]) * reach[_ROTATION]
-        return step, F
+        return _moved(np.eye(2 * kept.size), reach * belief.velocity, reach, kept)
 
     def _kept(self, elapsed_s: float) -> np.ndarray:
         return np.exp(-elapsed_s / self.memory_s)
 
-    def _noises(self, elapsed_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Variances of state, state with velocity (twice), and velocity that the noise adds, (n_dof,) each."""
+    def _noises(self, elapsed_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Variances of state, state with velocity, and velocity that the noise adds, (n_dof,) each."""
         tau, density = self.memory_s, self.noise**2
         x = elapsed_s / tau
         e = -np.expm1(-x)
@@ -190,7 +174,43 @@ class Dynamics:
         qq = density * tau**3 * np.where(x < 1e-2, series, x - 2.0 * e - 0.5 * np.expm1(-2.0 * x))
         qv = density * tau**2 * 0.5 * e * e
         vv = density * tau * -0.5 * np.expm1(-2.0 * x)
-        return qq, qv, qv, vv
+        return qq, qv, vv
+
+
+@compiled
+def _moved(rows, step, reach, kept):
+    """Errors (2 n_dof, m) of state and velocity, some time later.
+
+    The rotation goes from R to exp(w) R, w the turn; a small turn d before it is exp(w) d after it, and a change of w comes
+    in through the left Jacobian of SO(3).
+    """
+    n = step.size
+    turn, by_change = so3.exp_kernel(step[3:6]), so3.left_jacobian_kernel(step[3:6])
+    later = np.empty_like(rows)
+    for i in range(n):
+        for k in range(rows.shape[1]):
+            later[i, k] = rows[i, k] + reach[i] * rows[n + i, k]
+            later[n + i, k] = kept[i] * rows[n + i, k]
+    for a in range(3):
+        later[3 + a] = 0.0
+        for b in range(3):
+            for k in range(rows.shape[1]):
+                later[3 + a, k] += turn[a, b] * rows[3 + b, k] + by_change[a, b] * reach[3 + b] * rows[n + 3 + b, k]
+    return later
+
+
+@compiled
+def _propagated(covariance, step, reach, kept, of_state, of_both, of_velocity):
+    """(2 n_dof, 2 n_dof) some time later, with what the noise adds to it."""
+    n = step.size
+    half = _moved(covariance, step, reach, kept)
+    later = _moved(np.ascontiguousarray(half.T), step, reach, kept)
+    for i in range(n):
+        later[i, i] += of_state[i]
+        later[i, n + i] += of_both[i]
+        later[n + i, i] += of_both[i]
+        later[n + i, n + i] += of_velocity[i]
+    return 0.5 * (later + later.T)
 
 
 def with_positions(belief: Belief, positions: np.ndarray, sigmas: np.ndarray) -> Belief:

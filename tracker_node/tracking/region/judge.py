@@ -15,8 +15,9 @@ from statistics import median
 import numpy as np
 
 from ...camera.rig import CameraRig
+from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State, configured
+from ...model.configuration import State, configured
 from ...objective.contour_residual import assemble
 from ...objective.lines import correspondence as kernel
 from ...objective.lines.correspondences import LineCorrespondences, PartEvidence
@@ -165,9 +166,9 @@ class LineErrors:
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: RegionConfig):
         self._model, self._config, self._least_px = model, config, _LEAST_SHARE * config.least_sigma_px
-        self._axes = np.array([camera.T_cam_world[:3, :3] for camera in rig])
-        self._offsets = np.array([camera.T_cam_world[:3, 3] for camera in rig])
-        self._focals = np.array([camera.model.params[:2] for camera in rig])
+        self._cameras = np.ones((len(rig), 3, 5))
+        for own, camera in zip(self._cameras, rig, strict=True):
+            own[:, :4], own[:2, 4] = camera.T_cam_world[:3], camera.model.params[:2]
         self._middles = np.zeros((len(model.chain.links), 3))  # of each link, in its own frame
         for link in range(len(self._middles)):
             own = model.Ts_link_shape[model.shape_links == link]
@@ -188,47 +189,74 @@ class LineErrors:
         Information, and its covariance.
         """
         chain, config, body = self._model.chain, self._config, configured(self._model, state)
-        equations = lines.linearize(state)
-        information = equations.H
-        cameras, spread_px = lines.camera_equations(state), lines.at(state).spread_px
+        there = lines.at(state)
+        equations, spread_px, sums = there.equations, there.spread_px, there.sums
         found = lines.variance if spread_px is None else max(spread_px, self._least_px) ** 2
-        n_links, surfaces = len(chain.links), lines.at(state).surfaces
-        normal, spread, shifts = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 2))
-        for i, camera in enumerate(cameras):
-            if camera is None:
-                continue
-            normal += camera.normal
-            spread += self._correlated(lines, i, found)[:, None, None] * camera.normal
-            shifts += camera.normal @ self._shift(i, body)
-        clothes = np.zeros_like(normal)
+        correlated = np.zeros((len(sums.normal), len(self._middles), 2))
+        for i in lines.active:
+            own = lines.cameras[i]
+            assert own is not None
+            add_correlated(
+                own.lines, own.info, len(own.lines), lines.variance, found, config.line_correlation_px, correlated[i]
+            )
+        normal, spread, shifted = sums_of_errors(
+            sums.normal, correlated, self._cameras, self._middles, body.Ts_world_link, chain.link_moved_by, body.twists
+        )
+        clothes, surfaces = np.zeros_like(normal), there.surfaces
         if surfaces is not None:  # they are unknown, and what is known of them has errors of its own
             M, P = surfaces.covariances, surfaces.priors
             of_all = np.einsum("lii->l", spread) / np.maximum(np.einsum("lii->l", normal), 1e-12)
-            lost, clothes = surfaces.of_links(n_links), surfaces.of_links(n_links, M @ P @ M)
+            lost, clothes = surfaces.of_links(len(normal)), surfaces.of_links(len(normal), M @ P @ M)
             # The same factor for all cameras, else what is taken off is not what is there; a trace is left of what cancels
             spread = of_all[:, None, None] * ((1.0 + _TRACE) * normal - lost - clothes)
             normal -= lost
-        scatter, unused = np.empty_like(information), np.empty(chain.n_dof)
         errors = config.covariance_scale * spread + clothes
-        assemble(errors, np.zeros((n_links, 6)), chain.link_moved_by, body.twists, scatter, unused)
-        moved = (chain.link_moved_by.T @ shifts.reshape(n_links, -1)).reshape(-1, 6, 2)
-        whole = (moved * body.twists[:, :, None]).sum(axis=1)
-        scatter += config.body_shift_px**2 * whole @ whole.T
+        scatter, unused = config.body_shift_px**2 * shifted @ shifted.T, np.zeros(chain.n_dof)
+        assemble(errors, np.zeros((len(normal), 6)), chain.link_moved_by, body.twists, scatter, unused)
         alone = equations.g if share == 1.0 else None
-        return ImageEvidence(share * information, share**2 * scatter, share * normal, alone)
+        return ImageEvidence(share * equations.H, share**2 * scatter, share * normal, alone)
 
-    def _correlated(self, lines: LineCorrespondences, i: int, found: float) -> np.ndarray:
-        """(n_links,): what the lines of camera ``i`` add to the scatter, in what they add to the information."""
-        own, sums = lines.cameras[i], np.zeros((len(self._middles), 2))
-        assert own is not None
-        add_correlated(own.lines, own.info, len(own.lines), lines.variance, found, self._config.line_correlation_px, sums)
-        return sums[:, 0] / np.maximum(sums[:, 1], 1e-12)
 
-    def _shift(self, i: int, body: Configuration) -> np.ndarray:
-        """(n_links, 6, 2) spatial twists that shift a link by a pixel along the axes of image ``i``."""
-        T = body.Ts_world_link
-        middles = np.einsum("lij,lj->li", T[:, :3, :3], self._middles) + T[:, :3, 3]
-        depths = middles @ self._axes[i, 2] + self._offsets[i, 2]
-        twists = np.zeros((len(middles), 6, 2))
-        twists[:, :3] = (depths[:, None] / self._focals[i])[:, None, :] * self._axes[i, :2].T
-        return twists
+@compiled
+def sums_of_errors(normal, correlated, cameras, middles, Ts_link, moved_by, twists):
+    """What is needed of all cameras to say how far their lines are off.
+
+    Parameters
+    ----------
+    normal : (n_cameras, n_links, 6, 6) of `LineSums`.
+    correlated : (n_cameras, n_links, 2) of `add_correlated`: what lines add to the scatter, and to the information.
+    cameras : (n_cameras, 3, 5), a row for each axis of the image and the one along the view: the axis in the world, the camera's
+        own offset along it, and the focal length.
+    middles, Ts_link : (n_links, 3) middles of the links in their own frames, and (n_links, 4, 4) where these are.
+    moved_by, twists : of `assemble`.
+
+    Returns
+    -------
+    (n_links, 6, 6) information, the same times what lines add to the scatter, and (n_dof, 2) gradients where all contours are
+    shifted by a pixel along either axis of every image.
+    """
+    n_cameras, n_links = normal.shape[:2]
+    information, scatter = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6, 6))
+    shifted, shift = np.zeros((twists.shape[0], 2)), np.empty((6, 2))
+    for link in range(n_links):
+        T, middle = Ts_link[link], middles[link]
+        shift[:] = 0.0
+        for i in range(n_cameras):
+            own, camera = normal[i, link], cameras[i]
+            factor = correlated[i, link, 0] / max(correlated[i, link, 1], 1e-12)
+            depth = camera[2, 3]
+            for a in range(3):
+                depth += camera[2, a] * (T[a, 0] * middle[0] + T[a, 1] * middle[1] + T[a, 2] * middle[2] + T[a, 3])
+            for a in range(6):
+                for b in range(6):
+                    information[link, a, b] += own[a, b]
+                    scatter[link, a, b] += factor * own[a, b]
+                for k in range(2):
+                    along = own[a, 0] * camera[k, 0] + own[a, 1] * camera[k, 1] + own[a, 2] * camera[k, 2]
+                    shift[a, k] += depth / camera[k, 4] * along
+        for dof in range(twists.shape[0]):
+            if moved_by[link, dof]:
+                for a in range(6):
+                    for k in range(2):
+                        shifted[dof, k] += shift[a, k] * twists[dof, a]
+    return information, scatter, shifted

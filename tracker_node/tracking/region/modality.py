@@ -13,13 +13,13 @@ from statistics import median
 import numpy as np
 
 from ...camera.rig import CameraRig
+from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.clothes import expected_surfaces
 from ...model.configuration import Neighbor, State, configured
 from ...model.humans.keypoints import relative_size
 from ...objective.lines.correspondences import LineCorrespondences, LineDrawer, LineOptions, Offsets, PartEvidence, View
 from ...objective.lines.surfaces import N_UNKNOWNS, Surfaces, SurfaceSums
-from ...objective.per_camera import camera_constants
 from ...observation.region.colors import distinctness
 from ...render.occluders import Occluders
 from ...render.shape_arrays import ShapeArrays
@@ -90,7 +90,8 @@ class RegionModality(Modality):
             rig, model, self._arrays, self.appearance.classes, line_options(config), parallel, occluders.depths
         )
         self._surfaces = SurfaceFilter(model, config.keypoints) if KEYPOINTS in config.modalities else None
-        self._cameras = [camera_constants(camera) for camera in rig]
+        self._along = np.array([camera.T_cam_world[2] for camera in rig])
+        self._focals = [float(camera.model.params[0]) for camera in rig]
         self._delays: ExposureDelays | None = None
         self.n_learned = 0
         self.views: list[View | None] = [None] * len(rig)
@@ -172,7 +173,7 @@ class RegionModality(Modality):
             self.appearance.learn(turn, state, offsets, region.color_rate, region.margin_px, weights)
 
     def _offsets(self, state: State) -> Offsets:
-        return [None] * len(self._cameras) if self._delays is None else self._delays.offsets(state)
+        return [None] * len(self._focals) if self._delays is None else self._delays.offsets(state)
 
     def part_evidence(self, lines: LineCorrespondences, state: State, close_px: float) -> PartEvidence:
         """How far the outline of the body agrees with the images.
@@ -219,15 +220,28 @@ class RegionModality(Modality):
         return self._size[1]
 
     def _size_in(self, state: State) -> tuple[float, float]:
-        places = configured(self._model, state).Ts_world_shape[:, :3, 3]
-        middle = places.mean(axis=0)
-        reach = max(float(np.linalg.norm(places - middle, axis=1).max()), float(self._arrays.bounds[:, 3].max()))
-        scales = []
-        for view, (params, R, t, _) in zip(self.views, self._cameras, strict=True):
-            depth = float(R[2] @ middle + t[2])
-            if view is not None and depth > reach:  # else the camera does not see the body, or stands amid it
-                scales.append(float(params[0]) / depth)
+        depths = np.empty(len(self.views))
+        reach = _reach(configured(self._model, state).Ts_world_shape, self._arrays.bounds, self._along, depths)
+        focals = zip(self.views, depths.tolist(), self._focals, strict=True)
+        # A camera in which the body is nearer does not see it, or stands amid it
+        scales = [focal / depth for view, depth, focal in focals if view is not None and depth > reach]
         return 2.0 * reach, median(scales) if scales else _BODY_PX / (2.0 * reach)
+
+
+@compiled
+def _reach(Ts_shape, bounds, along, depths):
+    """How far the parts of a body are from its middle, meters; ``depths`` (n_cameras,) of that along each camera's view, whose
+    direction and offset ``along`` (n_cameras, 4) are, are overwritten."""
+    n, middle, reach = len(Ts_shape), np.zeros(3), 0.0
+    for i in range(n):
+        middle += Ts_shape[i, :3, 3]
+    middle /= n
+    for i in range(n):
+        x, y, z = Ts_shape[i, 0, 3] - middle[0], Ts_shape[i, 1, 3] - middle[1], Ts_shape[i, 2, 3] - middle[2]
+        reach = max(reach, math.sqrt(x * x + y * y + z * z), bounds[i, 3])
+    for i in range(len(along)):
+        depths[i] = along[i, 0] * middle[0] + along[i, 1] * middle[1] + along[i, 2] * middle[2] + along[i, 3]
+    return reach
 
 
 class SurfaceFilter:

@@ -352,7 +352,8 @@ class Reacquisition(Solver):
         """
         if prior is None or len(self._judge.limbs) == 1 or not self._search.enabled:
             return []
-        sigmas = self._judge.tip_sigmas(start, np.linalg.inv(prior.information))
+        covariance = np.linalg.inv(prior.information) if prior.inverse is None else prior.inverse
+        sigmas = self._judge.tip_sigmas(start, covariance)
         uncertain = [i for i, sigma in enumerate(sigmas) if i and sigma > _UNCERTAIN_M]
         return uncertain if 2 * len(uncertain) >= len(sigmas) - 1 else []
 
