@@ -12,8 +12,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from benchmark.faults._graph import ERROR, OK, PERIOD_NS, WARN, Drill, Graph, N, Outcome, Sender, image_set_of, load_rig
 from helpers.ros.graph import stamps
-from tracker_node.ros.conversions import camera_info_message, compressed_message
+from tracker_node.ros.conversions import camera_info_message, jpeg_message
 from tracker_node.ros.qos import images_published
+from tracker_node.runs.messages import jpeg_of
 
 CAMERA = "tracker: cam2"
 EVERY_S = 0.2  # a set, while a report is waited for
@@ -159,7 +160,7 @@ def _bad_jpeg(graph: Graph) -> Outcome:
     def send(numbers: Iterable[int], n_bytes: int | None = None) -> None:
         for i in numbers:
             for image in image_set_of(graph.recording, i % N).images:
-                message = compressed_message(10**9 + i * PERIOD_NS, "", image.pixels)
+                message = jpeg_message(10**9 + i * PERIOD_NS, "", jpeg_of(image.pixels))
                 message._data = message.data[: n_bytes if image.camera == "cam2" else None]
                 publishers[image.camera].publish(message)
 

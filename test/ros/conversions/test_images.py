@@ -17,12 +17,13 @@ from tracker_node.ros.conversions import (
     ImageBuffer,
     bgr_of_compressed,
     camera_image_of,
-    compressed_message,
     decode_raw_image,
     image_message,
+    jpeg_message,
     stamp_message,
     stamp_ns_of,
 )
+from tracker_node.runs.messages import jpeg_of
 
 
 def noise(height: int, width: int, encoding: str, seed: int = 0) -> np.ndarray:
@@ -133,7 +134,7 @@ def test_noise_never_crashes(data: bytes):
 
 def test_compressed():
     smooth = np.full((48, 64, 3), (30, 120, 220), np.uint8)
-    message = compressed_message(77, "f", smooth)
+    message = jpeg_message(77, "f", jpeg_of(smooth))
     assert "jpeg" in message.format
     image = bgr_of_compressed("left", message)
     assert image.stamp_ns == 77 and np.abs(image.pixels.astype(int) - smooth).max() <= 3

@@ -30,8 +30,9 @@ from helpers.ros.samples import write_recording
 from helpers.studio.browser import browser_tab
 from helpers.studio.studio_process import running_studio
 from tracker_node.errors import TrackerError
-from tracker_node.ros.conversions import compressed_message, image_message, stamp_message
+from tracker_node.ros.conversions import image_message, jpeg_message, stamp_message
 from tracker_node.ros.qos import RESULT
+from tracker_node.runs.messages import jpeg_of
 from tracker_node.studio.live.page import LivePage
 from tracker_node.studio.session import StudioFiles, StudioSession
 
@@ -100,8 +101,8 @@ class FakeTracker:
         self._state.publish(state)
         picture = np.full((48, 64, 3), GREEN_BGR, np.uint8)
         if not self.dark:
-            self._overlay.publish(compressed_message(0, "left", picture))
-        self._other_overlay.publish(compressed_message(0, "right", picture))
+            self._overlay.publish(jpeg_message(0, "left", jpeg_of(picture)))
+        self._other_overlay.publish(jpeg_message(0, "right", jpeg_of(picture)))
         raw = image_message(0, "left", np.full((48, 64, 3), BLUE_BGR, np.uint8))
         raw.encoding = self.encoding
         self._raw.publish(raw)

@@ -1,4 +1,4 @@
-"""The options of a command line as ``run.json`` has them; and the line and the exit status of a run without a tracked body."""
+"""Options that runs share: whose body, how ``run.json`` has them; what is said, with what status, where no body is tracked."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from ...errors import FileFormatError, without_password
 from ...loaders.source_address import relocated
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 def add_person_argument(parser: argparse._ActionsContainer) -> None:
@@ -35,6 +36,8 @@ def place_of_person(args: argparse.Namespace) -> np.ndarray | None:
     ------
     FileFormatError : it is not finite.
     """
+    import numpy as np
+
     if args.person is None:
         return None
     place = np.array(args.person)

@@ -3,7 +3,7 @@
 A network's hip is where people clicked in the pictures that it has learned from, not the joint's center: each point has an offset
 in the frame of its landmark's link, known on average, with a spread among people, clothes and views.
 
-Tables of detectors other than BlazePose on the human, by the names that `loaders.keypoints.names` gives their points.
+Tables of detectors other than BlazePose on the human, by the names that `loaders.keypoints.files` gives their points.
 
 Offsets of joints are not measured: their means are zero, and they are found while tracking. Points of the face are where they are
 on the head, whoever finds them. Eyes, the middle of the hips, fingers beyond their knuckles and the rest of the face have no

@@ -154,24 +154,8 @@ class _CdrReader:
         return bytes(self._data[start : start + n - 1]).decode()
 
 
-def compressed_message(stamp_ns: int, frame_id: str, bgr: np.ndarray) -> CompressedImage:
-    """JPEG of a BGR image.
-
-    Parameters
-    ----------
-    stamp_ns : time of exposure.
-    frame_id : name of the camera's optical frame.
-    bgr : (height, width, 3) uint8.
-
-    Returns
-    -------
-    message : with the JPEG.
-    """
-    return jpeg_message(stamp_ns, frame_id, messages.jpeg_of(bgr))
-
-
 def jpeg_message(stamp_ns: int, frame_id: str, data: np.ndarray | bytes) -> CompressedImage:
-    """A JPEG as it is.
+    """A JPEG as it is; `runs.messages.jpeg_of` makes one of a BGR image.
 
     Parameters
     ----------

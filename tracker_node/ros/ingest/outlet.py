@@ -23,8 +23,8 @@ from ...loaders.bag.queue import BagQueue
 from ...loaders.bag.writer import BagWriter
 from ...loaders.decoding import JPEG, SourceImage
 from ...loaders.rig.camera_info import save_lens
-from ...runs.messages import lens_of
-from ..conversions import ImageBuffer, camera_info_message, compressed_message, image_message, jpeg_message, stamp_message
+from ...runs.messages import jpeg_of, lens_of
+from ..conversions import ImageBuffer, camera_info_message, image_message, jpeg_message, stamp_message
 from ..diagnostics import QosMismatches
 from ..direct_images import DirectImages
 from ..qos import RESULT, images_published, overridable
@@ -115,9 +115,7 @@ class CameraOutlet:
 
     def _compressed(self, image: SourceImage, stamp_ns: int) -> CompressedImage:
         as_it_came = image.pixels is None or (image.jpeg and image.size == self._native_size)
-        if as_it_came:
-            return jpeg_message(stamp_ns, self.camera.frame_id, image.jpeg)
-        return compressed_message(stamp_ns, self.camera.frame_id, image.bgr)
+        return jpeg_message(stamp_ns, self.camera.frame_id, image.jpeg if as_it_came else jpeg_of(image.bgr))
 
     def has_subscribers(self, to_images: int, to_infos: int) -> bool:
         """Whether enough subscribers listen.
