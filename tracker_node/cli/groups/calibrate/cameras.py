@@ -6,10 +6,6 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from ....camera.model import CameraModel
-from ....camera.rig import Camera, CameraRig
 from ....errors import FileFormatError
 from ...arguments.board import add_board_arguments, board_of, detect, recordings_of, sources_of
 from ...arguments.cameras import add_pixel_map_argument, add_sources_argument, size_option, sources_of_cameras
@@ -100,8 +96,13 @@ def _run_rig(args: argparse.Namespace) -> int:
     return 1 if left_out else 0
 
 
-def _of_their_sizes(sources, tracked_later) -> CameraRig:
+def _of_their_sizes(sources, tracked_later):
     """Cameras of any lens and place, with the sizes that the calibration will be for."""
+    import numpy as np
+
+    from ....camera.model import CameraModel
+    from ....camera.rig import Camera, CameraRig
+
     cameras = []
     for name, source in sources.items():
         width, height = source.native_width, source.native_height
