@@ -6,7 +6,7 @@
 ``house.documented_public``: fraction of the public functions and methods of two or more arguments whose docstring has
 Parameters and, where something is returned, Returns; methods that override those of a base class are not counted.
 ``docs.pages``, ``docs.words``: ``docs/*.md`` and the README without generated pages. ``api.script_lines``: lines of the script
-in the README, blank ones left out. ``phone.tutorial_commands``: from videos to a report, in docs/own_data.md.
+in the README, blank ones left out. ``phone.tutorial_commands``: from videos to a report, in docs/phones.md.
 ``start.import_s``: median of fresh processes from their start to their end;
 ``start.import_in_numpy`` is that over the median of ``import numpy``. ``--quick`` starts fewer processes.
 """
@@ -68,8 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def tutorial_commands(root: Path) -> int:
     """Commands of the tutorial with phones; a test runs them."""
-    section = (root / "docs/own_data.md").read_text().partition("\n## Phones\n")[2].partition("\n## ")[0]
-    return len(re.findall(r"^    tracker_node ", section, re.MULTILINE))
+    return len(re.findall(r"^    tracker_node ", (root / "docs/phones.md").read_text(), re.MULTILINE))
 
 
 def python_files(folder: Path) -> list[Path]:

@@ -31,12 +31,8 @@ from tracker_node.loaders.rig.rig_yaml import load_rig
 
 N_IMAGES = 6
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
-WITH_SAMPLE, PHONES = ("README.md", "docs/tutorial.md"), ("docs/own_data.md", "Phones")
+WITH_SAMPLE = ("README.md", "docs/tutorial.md", "docs/phones.md")
 COMMANDS = [command for page in PAGES for command in commands_of(page)]
-
-
-def commands_with_phones() -> list[Command]:
-    return [command for command in COMMANDS if (command.page, command.section) == PHONES]
 
 
 @pytest.fixture(scope="session")
@@ -57,8 +53,8 @@ def walkthrough(tmp_path, monkeypatch, shelf, ros_domain_id) -> Iterator[Walkthr
 @pytest.mark.long
 @pytest.mark.parametrize("page", [page for page in PAGES if page not in WITH_SAMPLE and any(map(is_run, commands_of(page)))])
 def test_page(page, walkthrough):
-    walkthrough.follow(page, sections=lambda section: (page, section) != PHONES)
-    assert walkthrough.done == [each for each in commands_of(page) if is_run(each) and (each.page, each.section) != PHONES]
+    walkthrough.follow(page)
+    assert walkthrough.done == [command for command in commands_of(page) if is_run(command)]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=str)
@@ -221,8 +217,8 @@ def test_phones(sample, walkthrough, tmp_path):
         if block.language == "yaml":
             Path("phones.yaml").write_text(block.text)
 
-    walkthrough.follow(PHONES[0], after, lambda section: section == PHONES[1])
-    assert walkthrough.done == commands_with_phones()
+    walkthrough.follow("docs/phones.md", after)
+    assert walkthrough.done == commands_of("docs/phones.md")
     rig, timed = load_rig("rig.yaml"), load_rig("rig_timed.yaml")
     late = {camera.name: 1e-9 * camera.time_offset_ns for camera in timed}
     for name, images in phone_films.LATE_IMAGES.items():
@@ -236,7 +232,7 @@ def test_phones(sample, walkthrough, tmp_path):
 
 
 def test_phones_take_five_commands():
-    assert tutorial_commands(ROOT) == len(commands_with_phones()) <= 5
+    assert tutorial_commands(ROOT) == len(commands_of("docs/phones.md")) <= 5
 
 
 @pytest.mark.long

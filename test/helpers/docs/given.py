@@ -87,7 +87,7 @@ def trials(place: Place) -> None:
     two_arms(place)
     place.lay(place.folder / "rig.yaml", "afternoon.yaml")
     place.lay(place.folder / "start.yaml", "jump.yaml")
-    block = next(block for block in blocks_of("docs/own_data.md") if "trials:" in block.text)
+    block = next(block for block in blocks_of("docs/batch.md") if block.language == "yaml")
     (place.folder / "trials.yaml").write_text(block.text)
     given = yaml.safe_load(block.text)
     for trial, entry in given["trials"].items():
@@ -192,7 +192,7 @@ def lab(place: Place) -> None:
     joints = read_joints(person / "truth.csv")
     trajectories = MarkerTrajectories(joints.names, joints.stamps_ns * 1e-9, joints.positions_m, RATE_HZ, joints.valid)
     dump_c3d(trajectories, place.folder / "walk.c3d")
-    block = next(block for block in blocks_of("docs/own_data.md") if "walk.c3d" in block.text)
+    block = next(block for block in blocks_of("docs/own_data.md") if block.language == "yaml")
     (place.folder / "recording.yaml").write_text(block.text)
     for name, target in (("person.yaml", "person.yaml"), ("state.yaml", "start.yaml")):
         place.lay(person / name, target)
@@ -318,7 +318,7 @@ GRAPH = ("camera_ingest --rig rig.yaml --loop", "tracker --rig rig.yaml --model 
 
 # (page, section) -> what the section begins with, and commands that run in the background meanwhile
 GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[str, ...]]] = {
-    ("docs/own_data.md", "Track them"): ((trials,), ()),
+    ("docs/batch.md", "Track them"): ((trials,), ()),
     ("docs/bodies.md", "A person"): ((static_trial, prosthesis), ()),
     ("docs/bodies.md", "Fit a body to a run"): ((scaled_arm,), ()),
     ("docs/bodies.md", "A plate with a texture"): ((plate,), ()),

@@ -34,12 +34,10 @@ class Walkthrough:
         self._background = ExitStack()
         self._probe = None
 
-    def follow(
-        self, page: str, after: Callable[[Block], None] = lambda block: None, sections: Callable[[str], bool] = lambda name: True
-    ) -> None:
-        """All commands of a page, or some of its sections, and its blocks of Python; ``after`` is called with every block."""
+    def follow(self, page: str, after: Callable[[Block], None] = lambda block: None) -> None:
+        """All commands of a page, and its blocks of Python; ``after`` is called with every block."""
         section = None
-        for block in (block for block in blocks_of(page) if sections(block.section)):
+        for block in blocks_of(page):
             if block.section != section:
                 section = block.section
                 self._begin(page, section)
