@@ -87,7 +87,8 @@ def trials(place: Place) -> None:
     two_arms(place)
     place.lay(place.folder / "rig.yaml", "afternoon.yaml")
     place.lay(place.folder / "start.yaml", "jump.yaml")
-    block = next(block for block in blocks_of("docs/own_data.md") if block.section.startswith("Many") and block.language == "yaml")
+    blocks = blocks_of("docs/own_data.md")
+    block = next(block for block in blocks if block.section.startswith("Many") and block.language == "yaml")
     (place.folder / "trials.yaml").write_text(block.text)
     given = yaml.safe_load(block.text)
     for trial, entry in given["trials"].items():
