@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery.md, made from a bag with markers and overlays (the demo's).
+"""The pictures of docs/nodes.md, made from a bag with markers and overlays (the demo's).
 
     .venv/bin/python tools/monitoring_pictures.py out/demo/bag
 

@@ -6,7 +6,7 @@
 ``house.documented_public``: fraction of the public functions and methods of two or more arguments whose docstring has
 Parameters and, where something is returned, Returns; methods that override those of a base class are not counted.
 ``docs.pages``, ``docs.words``: ``docs/*.md`` and the README without generated pages. ``api.script_lines``: lines of the script
-in the README, blank ones left out. ``phone.tutorial_commands``: from videos to a report, in docs/phones.md.
+in the README, blank ones left out. ``phone.tutorial_commands``: from videos of phones to a report, in docs/tutorial.md.
 ``start.import_s``: median of fresh processes from their start to their end;
 ``start.import_in_numpy`` is that over the median of ``import numpy``. ``--quick`` starts fewer processes.
 """
@@ -67,8 +67,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def tutorial_commands(root: Path) -> int:
-    """Commands of the tutorial with phones; a test runs them."""
-    return len(re.findall(r"^    tracker_node ", (root / "docs/phones.md").read_text(), re.MULTILINE))
+    """Commands of the tutorial's section with phones; a test runs them."""
+    section = re.search(r"^## With phones\n(.*?)(?=^## |\Z)", (root / "docs/tutorial.md").read_text(), re.MULTILINE | re.DOTALL)
+    if section is None:
+        raise ValueError("expected a section 'With phones' in docs/tutorial.md, got none")
+    return len(re.findall(r"^    tracker_node ", section[1], re.MULTILINE))
 
 
 def python_files(folder: Path) -> list[Path]:

@@ -17,9 +17,9 @@ from sphinx.cmd.build import main as sphinx
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 NAVIGATION = {  # a page that is not named here fails the build
-    "Begin": ("install", "tutorial", "phones", "own_data", "gallery"),
+    "Begin": ("install", "tutorial", "own_data"),
     "Set up": ("cameras", "bodies", "tracking", "studio"),
-    "Run": ("nodes", "batch", "results", "trust", "troubleshooting"),
+    "Run": ("nodes", "results", "trust", "troubleshooting"),
     "Look up": ("formats", "measured", "roofline", "reproduce"),
     "Develop": ("architecture", "development", "roadmap", "api/index"),
 }

@@ -20,7 +20,7 @@ EXAMPLE = """tracker_node batch trials.yaml
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "trials", type=Path, metavar="TRIALS", help="trials.yaml: subjects, trials, and what they share (docs/formats.md)"
+        "trials", type=Path, metavar="TRIALS", help="trials.yaml: subjects, trials, and what they share (docs/own_data.md)"
     )
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="instead of the output that TRIALS names")
     parser.add_argument("--only", nargs="+", metavar="TRIAL", help="only these trials")

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     stature = _write_person(args.stature or next(iter(trials.values())).stature_m, output / PERSON)
     if len(trials) > 1:
         entries = {name: {"recording": f"{name}/{RECORDING}"} for name in trials}
-        write_mapping({"output": "out", "trials": entries}, together, "Trials for `tracker_node batch`; see docs/batch.md.")
+        write_mapping({"output": "out", "trials": entries}, together, "Trials for `tracker_node batch`; see docs/own_data.md.")
     first = next(iter(folders.values()))
     print(f"wrote {together}; a person of {stature:.2f} m in {output / PERSON}. To measure the person, and to track:")
     print(f"  tracker_node calibrate body --from-points {first / 'rig.yaml'} -o {output / PERSON} --force")

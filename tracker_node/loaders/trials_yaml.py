@@ -1,6 +1,6 @@
 """Many trials as one YAML file: what each of them tracks, with what is common to all, or to those of a subject, said once.
 
-``tracker_node batch`` takes it; the format is described in docs/formats.md.
+``tracker_node batch`` takes it; the format is described in docs/own_data.md.
 """
 
 from __future__ import annotations

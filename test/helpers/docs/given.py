@@ -87,7 +87,8 @@ def trials(place: Place) -> None:
     two_arms(place)
     place.lay(place.folder / "rig.yaml", "afternoon.yaml")
     place.lay(place.folder / "start.yaml", "jump.yaml")
-    block = next(block for block in blocks_of("docs/batch.md") if block.language == "yaml")
+    blocks = blocks_of("docs/own_data.md")
+    block = next(block for block in blocks if block.section.startswith("Many") and block.language == "yaml")
     (place.folder / "trials.yaml").write_text(block.text)
     given = yaml.safe_load(block.text)
     for trial, entry in given["trials"].items():
@@ -318,7 +319,6 @@ GRAPH = ("camera_ingest --rig rig.yaml --loop", "tracker --rig rig.yaml --model 
 
 # (page, section) -> what the section begins with, and commands that run in the background meanwhile
 GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[str, ...]]] = {
-    ("docs/batch.md", "Track them"): ((trials,), ()),
     ("docs/bodies.md", "A person"): ((static_trial, prosthesis), ()),
     ("docs/bodies.md", "Fit a body to a run"): ((scaled_arm,), ()),
     ("docs/bodies.md", "A plate with a texture"): ((plate,), ()),
@@ -344,7 +344,7 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/nodes.md", "Watch it"): ((arm_runs, arm_bag), ()),
     ("docs/own_data.md", "A project of another program"): ((opencap,), ()),
     ("docs/own_data.md", "A lab with markers"): ((lab,), ()),
-    ("docs/own_data.md", "A robot"): ((robot,), ()),
+    ("docs/own_data.md", "Track them"): ((trials,), ()),
     ("docs/results.md", "Evaluate"): ((arm_runs, arm_live, arm_truth), ()),
     ("docs/results.md", "Export"): ((person_run,), ()),
     ("docs/studio.md", "Studio: set a pose, digitize, play back, watch"): ((arm_runs, arm_truth, control_points), ()),

@@ -34,10 +34,17 @@ class Walkthrough:
         self._background = ExitStack()
         self._probe = None
 
-    def follow(self, page: str, after: Callable[[Block], None] = lambda block: None) -> None:
-        """All commands of a page, and its blocks of Python; ``after`` is called with every block."""
+    def follow(
+        self,
+        page: str,
+        after: Callable[[Block], None] = lambda block: None,
+        of: Callable[[str], bool] = lambda section: True,
+    ) -> None:
+        """All commands of a page, and its blocks of Python, in the sections ``of`` it; ``after`` is called with every block."""
         section = None
         for block in blocks_of(page):
+            if not of(block.section):
+                continue
             if block.section != section:
                 section = block.section
                 self._begin(page, section)

@@ -275,7 +275,7 @@ def test_the_pictures_of_the_documentation_can_be_made_again(repository, layouts
     run = [sys.executable, tool, recorded.bag, "--output", tmp_path, "--layout", layout]
     subprocess.run(list(map(str, run)), check=True)
     for name in ("monitoring_markers.jpg", "monitoring_overlays.jpg", "monitoring_curves.png"):
-        assert f"images/{name}" in (repository / "docs/gallery.md").read_text()
+        assert f"images/{name}" in (repository / "docs/nodes.md").read_text()
         picture = cv2.imread(str(tmp_path / name))
         assert picture.std() > 5.0 and picture.shape[1] > 300
 
