@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tracker_node.objective.lines.camera import add_correlated
 from tracker_node.objective.lines.correspondence import LINE_U, LINE_V, N_LINE_COLUMNS, PRECISION
-from tracker_node.objective.lines.spacing import add_correlated
 from tracker_node.render.contour.samples import LINK, N_INFO_COLUMNS, SHAPE
 
 LENGTH_PX, TAKEN, FOUND, PRECISE = 4.0, 0.5, 0.2, 20.0

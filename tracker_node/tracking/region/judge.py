@@ -20,8 +20,8 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
 from ...objective.contour_residual import assemble
 from ...objective.lines import correspondence as kernel
+from ...objective.lines.camera import add_correlated
 from ...objective.lines.correspondences import LineCorrespondences, PartEvidence
-from ...objective.lines.spacing import add_correlated
 from ...observation.image_set import ImageSet
 from ..assessment import Assessment, Report, assess_cameras, camera_reports
 from ..config import RegionConfig, TrackerConfig
