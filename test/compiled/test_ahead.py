@@ -147,9 +147,9 @@ def started(arguments: list[str], cache: Path) -> subprocess.Popen:
 
 def test_what_is_gone_or_takes_other_arguments_by_now_is_left_out():
     gone = ("geometry.so3:nothing", "(float64,)"), ("nowhere:f", "()")
-    for name, arguments in (*gone, ("geometry.so3:_exp", "(float64, float64)")):
+    for name, arguments in (*gone, ("geometry.so3:exp_kernel", "(float64, float64)")):
         assert Kernel(name, arguments, (), 1).is_kept()
-    other = Kernel("geometry.so3:_exp", "(float64,)", (), 1)
+    other = Kernel("geometry.so3:exp_kernel", "(float64,)", (), 1)
     other.compile()
     assert not other.is_kept()
 
