@@ -17,7 +17,7 @@ from tracker_node.experiments.rigid_tracking import (
     table1,
     track,
 )
-from tracker_node.experiments.somersault.table1 import START_ERROR, start_errors
+from tracker_node.experiments.somersault.experiments import START_ERROR, start_errors
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import State, from_variables
 from tracker_node.report.html import text_table

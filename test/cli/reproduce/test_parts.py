@@ -11,7 +11,7 @@ from tracker_node.errors import FileFormatError
 from tracker_node.experiments import figures
 from tracker_node.experiments.plots import Profile
 from tracker_node.experiments.rigid_tracking import PAPER_RMS, UNITS, VARIABLES
-from tracker_node.experiments.somersault import convergence, table1
+from tracker_node.experiments.somersault import experiments
 from tracker_node.experiments.somersault.scene import somersault_scene
 from tracker_node.objective.color.score import ColorObjective
 from tracker_node.parallel import Workers
@@ -24,8 +24,8 @@ def scene():
 
 def test_the_methods_of_table_1_and_their_renderers():
     objectives = SimpleNamespace(score=None, pyramid=None, chain=None)
-    methods = {method.key: method for method in table1._methods(objectives)}
-    assert list(methods) == [key for keys in table1.TABLES.values() for key in keys]
+    methods = {method.key: method for method in experiments._methods(objectives)}
+    assert list(methods) == [key for keys in experiments.TABLES.values() for key in keys]
     assert {key for key, method in methods.items() if method.backend == "raycaster"} == {
         "same_backend", "same_backend_best", "same_backend_floor",
     }  # fmt: skip
@@ -35,7 +35,7 @@ def test_the_methods_of_table_1_and_their_renderers():
 def remarks(**rms):
     metrics = {f"table1.floor.{name}_rms_{unit}": rms.get(name, 0.0) for name, unit in zip(VARIABLES, UNITS, strict=True)}
     metrics |= {"table1.evaluations_per_variable": 20.25, "table1.best.evaluations_per_variable": 300.0}
-    return table1._remarks(metrics | {"table1.mask_pixels": 1234, "table1.surface_distance_mean_mm": 5.55})
+    return experiments._remarks(metrics | {"table1.mask_pixels": 1234, "table1.surface_distance_mean_mm": 5.55})
 
 
 def test_variables_whose_floor_is_above_half_of_the_paper_s_rms_are_named():
@@ -52,13 +52,13 @@ def test_remarks_tell_the_start_s_error_with_signs():
 
 
 def test_circumstances_are_means_over_image_sets(scene):
-    objectives = table1._Objectives(scene)
+    objectives = experiments._Objectives(scene)
     images = scene.draw(scene.tracked, scene.truth)
     at_truth = SimpleNamespace(states=scene.truth, evaluations_per_variable=7.0)
-    tracked = {key: at_truth for key in table1.TABLES["Table 1"]}
+    tracked = {key: at_truth for key in experiments.TABLES["Table 1"]}
     tracked["best"] = SimpleNamespace(states=scene.truth, evaluations_per_variable=9.0)
     alike = replace(scene, measured=scene.tracked)
-    found = table1._circumstances(alike, objectives, images, tracked)
+    found = experiments._circumstances(alike, objectives, images, tracked)
     assert (found["table1.evaluations_per_variable"], found["table1.best.evaluations_per_variable"]) == (7.0, 9.0)
     assert found["table1.stepping.score"] == found["table1.floor.score"] < 1.0  # drawn by the renderer that scores
     masks = [sum(np.any(image > 0, axis=2).sum() for image in images[i]) for i in range(2)]
@@ -69,7 +69,7 @@ def test_circumstances_are_means_over_image_sets(scene):
 def test_fig_4_and_the_page_show_two_views(tmp_path, scene):
     targets = scene.draw(scene.tracked, scene.truth)
     table = [["variable", "rms"], ["tilt", "1.0"]]
-    table1._write_figures(tmp_path, scene, targets, scene.truth, {"Table 1": table}, "remarked")
+    experiments._write_figures(tmp_path, scene, targets, scene.truth, {"Table 1": table}, "remarked")
     page = (tmp_path / "report.html").read_text()
     assert (tmp_path / "fig4.png").exists()
     order = [page.index(text) for text in ("What it is", "remarked", "Table 1", "tilt", "Fig. 4")]
@@ -85,11 +85,11 @@ def test_no_starts_are_refused(trials):
 def test_profiles_reach_as_far_on_both_sides(scene):
     score = ColorObjective(scene.tracked, scene.rig, workers=Workers(1))
     images = scene.draw(scene.tracked, scene.truth)
-    profiles = convergence._profiles(lambda i: score.set_images(images[i]), score, scene.truth, 3)
+    profiles = experiments._profiles(lambda i: score.set_images(images[i]), score, scene.truth, 3)
     assert [list(of) for of in profiles] == [list(VARIABLES)] * 2
     for of in profiles:
         for name, unit in zip(VARIABLES, UNITS, strict=True):
-            reach = convergence.REACH_MM if unit == "mm" else convergence.REACH_DEG
+            reach = experiments.REACH_MM if unit == "mm" else experiments.REACH_DEG
             assert of[name].changes == pytest.approx([-reach, 0.0, reach])
             assert of[name].scores[1] < min(of[name].scores[0], of[name].scores[2])
 
@@ -99,11 +99,11 @@ def test_widths_are_of_the_worst_image_and_side():
     changes = np.arange(-50.0, 51.0, 10.0)
     first = Profile(changes, np.array([3, 4, 9, 7, 5, 1, 5, 9, 4, 3, 2.0]))
     second = Profile(changes, np.array([2, 9, 8, 7, 6, 5, 1, 5, 7, 9, 2.0]))
-    found = convergence._widths("c", [dict.fromkeys(VARIABLES, first), dict.fromkeys(VARIABLES, second)])
+    found = experiments._widths("c", [dict.fromkeys(VARIABLES, first), dict.fromkeys(VARIABLES, second)])
     assert found["c.tilt_minimum_off_deg"] == 10.0
     assert set(found) == {f"c.{n}_{what}_{u}" for n, u in zip(VARIABLES, UNITS, strict=True)
                           for what in ("basin_narrowest", "basin_median", "minimum_off")}  # fmt: skip
-    single = convergence._widths("c", [dict.fromkeys(VARIABLES, first)])
+    single = experiments._widths("c", [dict.fromkeys(VARIABLES, first)])
     assert single["c.ap_minimum_off_mm"] == 0.0
     assert single["c.ap_basin_narrowest_mm"] < single["c.ap_basin_median_mm"]
     assert found["c.ap_basin_narrowest_mm"] == single["c.ap_basin_narrowest_mm"]
@@ -111,7 +111,7 @@ def test_widths_are_of_the_worst_image_and_side():
 
 def test_rates_are_by_optimizer_and_size_of_error(scene):
     fits = {"stays": lambda start: SimpleNamespace(state=start, evaluations=1)}
-    near, far = convergence._rates(lambda i: None, fits, scene.truth, [(1.0, 0.1), (500.0, 0.1)], 4, 5.0)["stays"]
+    near, far = experiments._rates(lambda i: None, fits, scene.truth, [(1.0, 0.1), (500.0, 0.1)], 4, 5.0)["stays"]
     assert (near, far) == (1.0, 0.0)
 
 

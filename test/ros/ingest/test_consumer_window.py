@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from tracker_node.ros.ingest.pace import ConsumerWindow
+from tracker_node.ros.ingest.outlet import ConsumerWindow
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from tracker_node.ros.ingest.pace import Pace
+from tracker_node.ros.ingest.outlet import Pace
 
 S = 1_000_000_000
 

@@ -62,7 +62,7 @@ def _add_convergence_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run_convergence(args: argparse.Namespace) -> int:
     from ...errors import FileFormatError
-    from ...experiments.somersault.convergence import run_convergence
+    from ...experiments.somersault.experiments import run_convergence
 
     if args.trials < 1:
         raise FileFormatError("command line", "--trials", "at least 1", args.trials)
@@ -103,7 +103,7 @@ def _add_table1_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_table1(args: argparse.Namespace) -> int:
-    from ...experiments.somersault.table1 import run_table1
+    from ...experiments.somersault.experiments import run_table1
 
     run_table1(Path(args.output), args.quick)
     return 0

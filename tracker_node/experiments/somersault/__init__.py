@@ -1,4 +1,4 @@
-"""The half-twisting somersault (Trewartha, Yeadon & Knight, Table 1 and Fig. 4).
+"""The half-twisting somersault (Trewartha, Yeadon & Knight, Table 1 and Figs 4 to 6).
 
-Begin with `table1`; `scene` is the somersault and who films it.
+Begin with `experiments`; `scene` is the somersault and who films it.
 """

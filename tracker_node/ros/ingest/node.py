@@ -25,8 +25,7 @@ from ..guarded_node import GuardedNode
 from ..parameter_overrides import check_qos_overrides
 from .cameras import IngestCamera, OpenedCameras
 from .live_camera import LiveCamera, LiveImages, TopicSource
-from .outlet import CameraCounts, CameraOutlet, InputRecorder
-from .pace import ConsumerWindow, Pace
+from .outlet import CameraCounts, CameraOutlet, ConsumerWindow, InputRecorder, Pace
 
 _LIVE_DEPTH, _LOSSLESS_DEPTH = 10, 50  # images of a camera that may wait for a slow subscriber
 _DELIVERY_S = 4.0

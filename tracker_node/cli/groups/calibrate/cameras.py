@@ -87,8 +87,8 @@ def _run_rig(args: argparse.Namespace) -> int:
     for row in outliers.table[1:]:
         print(f"left out: image {row[1]} of {row[0]}")
     if not args.keep_lenses:
-        pixels = {name: each.pixels for name, each in camera_metrics(found).items()}
-        for note in coverage_notes(pixels, {name: camera.image_size for name, camera in seen.items()}):
+        corners = {name: each.pixels for name, each in camera_metrics(found).items()}
+        for note in coverage_notes(corners, {name: camera.image_size for name, camera in seen.items()}):
             print(f"note: {note}")
     if not found.adjustment.converged:
         print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the metrics are good enough")
