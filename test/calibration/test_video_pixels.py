@@ -14,7 +14,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, UnknownNameError
 
-POINTS = np.random.default_rng(2).uniform(-0.4, 0.4, (40, 3)) + [0.0, 0.0, 1.0]
+POINTS = np.random.default_rng(2).uniform((-0.4, -0.4, 0.6), (0.4, 0.4, 1.4), (40, 3))
 LENS = CameraModel(640, 480, np.array([[600.0, 0.0, 331.0], [0.0, 590.0, 228.0], [0.0, 0.0, 1.0]]), "plumb_bob",
                    np.array([0.05, -0.02, 0.004, -0.003, 0.001]))  # fmt: skip
 
@@ -77,7 +77,8 @@ def test_half_the_size_and_odd_sizes(camera, tmp_path):
 
 def test_a_turn_that_nothing_states_may_be_either(camera, tmp_path):
     source = film(tmp_path / "cam01.mp4", gray(480, 640))
-    with pytest.raises(CalibrationError, match=r"clockwise\), or .*counterclockwise\); say which with --pixel-map cam01=clockwise"):
+    said = r"clockwise\), or .*counterclockwise\); say which with --pixel-map cam01=clockwise"
+    with pytest.raises(CalibrationError, match=said):
         camera_of_video(replace(camera, source=source), None, print)
     found = camera_of_video(replace(camera, source=source), "counterclockwise", print)
     before, valid = camera.project(POINTS)
@@ -98,7 +99,7 @@ def test_black_bars_settle_what_sizes_leave_open():
 
 def test_what_no_way_explains_is_refused(camera, tmp_path):
     source = film(tmp_path / "cam01.mp4", gray(360, 640))
-    with pytest.raises(CalibrationError, match="expected 640x480, got 360x640 .*neither resampling nor a turn"):
+    with pytest.raises(CalibrationError, match=r"expected 640x480, got 360x640 .*neither resampling nor a turn"):
         camera_of_video(replace(camera, source=source), None, print)
     with pytest.raises(UnknownNameError, match="cam09"):
         rig_of_videos(CameraRig((camera,)), {"cam09": "cut"}, print)
@@ -110,5 +111,6 @@ def test_what_no_way_explains_is_refused(camera, tmp_path):
 
 
 def test_cameras_without_a_recording_stay(camera, tmp_path):
-    cameras = (camera, replace(camera, name="b", source="v4l2:/dev/video0"), replace(camera, name="c", source=str(tmp_path / "no.mp4")))
+    sources = {"b": "v4l2:/dev/video0", "c": str(tmp_path / "no.mp4")}
+    cameras = (camera, *(replace(camera, name=name, source=source) for name, source in sources.items()))
     assert rig_of_videos(CameraRig(cameras), {}, print).cameras == cameras

@@ -10,7 +10,7 @@ from tracker_node.cli.main import main
 pytestmark = pytest.mark.long  # a browser and a studio
 
 WIDTH, HEIGHT = 390, 844
-PAGES = ("index", "pose", "digitizing", "playback", "live")
+PAGES = ("index", "wizard", "pose", "digitizing", "playback", "live")
 TOO_WIDE = """[...document.querySelectorAll('body *')].filter((e) => {
   if (e.getBoundingClientRect().right <= innerWidth + 1) return false;
   for (let at = e.parentElement; at && at !== document.body; at = at.parentElement) {

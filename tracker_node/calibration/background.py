@@ -147,12 +147,16 @@ def images_beside(rig: CameraRig) -> dict[str, Path]:
             continue
         recording = Path(parse_source(camera.source).target)
         names = dict.fromkeys((camera.name, recording.stem))
-        stems = [place / folder / name for place in (recording.parent, recording.parent.parent) for folder in _FOLDERS for name in names]
+        folders = [place / folder for place in (recording.parent, recording.parent.parent) for folder in _FOLDERS]
+        stems = [folder / name for folder in folders for name in names]
         stems += [recording.parent / f"{name}{ending}" for name in names for ending in _ENDINGS]
-        there = {path.resolve(): path for stem in stems for path in map(Path, (f"{stem}{s}" for s in _SUFFIXES)) if path.is_file()}
+        paths = (Path(f"{stem}{suffix}") for stem in stems for suffix in _SUFFIXES)
+        there = list({path.resolve(): path for path in paths if path.is_file()}.values())
         if len(there) > 1:
-            raise FileFormatError(recording.parent, camera.name, "one image of its background", ", ".join(map(str, there.values())))
-        found |= {camera.name: path for path in there.values()}
+            several = ", ".join(map(str, there))
+            raise FileFormatError(recording.parent, camera.name, "one image of its background", several)
+        if there:
+            found[camera.name] = there[0]
     return found
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.rig import Camera, CameraRig
+from ..camera.rig import CameraRig
 from ..errors import FileFormatError
 from ..loaders.images.source import open_camera_source_of_any_size
 from ..loaders.projects.trial import ProjectTrial, videos_by_camera

@@ -54,7 +54,8 @@ def run(args: argparse.Namespace) -> int:
         raise FileFormatError("command line", "--port", "a number from 0 to 65535", args.port)
     others = ("rig", "model", "config", "initial_state", "run", "control_points")
     if args.new is not None and (given := [name for name in others if getattr(args, name) is not None]):
-        raise FileFormatError("command line", f"--{given[0].replace('_', '-')}", "none beside --new, whose folder has it", given[0])
+        option = f"--{given[0].replace('_', '-')}"
+        raise FileFormatError("command line", option, "none beside --new, whose folder has it", given[0])
     if args.new is not None and not args.new.is_dir():
         raise FileFormatError("command line", "--new", "a folder with videos", args.new)
     named = {name: getattr(args, name) for name in StudioFiles.__dataclass_fields__}

@@ -22,7 +22,8 @@ class Client:
     def __init__(self, url: str):
         parts = urlsplit(url.replace("/wizard.html?", "/?"))
         self.host, token = parts.netloc, parts.query.split("token=")[1]
-        self.headers = {"Cookie": f"studio_{parts.port}={token}", "Origin": f"http://{self.host}", "Content-Type": "application/json"}
+        cookie = f"studio_{parts.port}={token}"
+        self.headers = {"Cookie": cookie, "Origin": f"http://{self.host}", "Content-Type": "application/json"}
 
     def ask(self, path: str, values: dict | None = None):
         """Status, content and headers."""

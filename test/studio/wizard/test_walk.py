@@ -2,6 +2,8 @@
 
 import shutil
 
+import pytest
+
 from helpers.studio.studio_process import running_studio
 from tracker_node.cli.main import main
 
@@ -29,6 +31,7 @@ STEPS = [
 ]
 
 
+@pytest.mark.long
 def test_seven_steps_are_the_commands_of_the_program(recorded, tmp_path, monkeypatch):
     by_page, by_hand = tmp_path / "page/walk", tmp_path / "hand/walk"
     for folder in (by_page, by_hand):

@@ -1,4 +1,4 @@
-"""What lies in the folder of a recording: videos, calibrations, markers, poses; nothing outside of it, nor links that lead there."""
+"""What lies in the folder of a recording: videos, calibrations, markers, poses; nothing outside, nor links that lead there."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ def contents_of(folder: Path) -> Contents:
     places = [folder, *_folders(folder), *(deeper for each in _folders(folder) for deeper in _folders(each))]
     recordings = {}
     for place in places:
-        found = tuple(_name(path, folder) for path in recordings_in(place) if _inside(path, folder) and path.name not in _NO_RECORDINGS)
+        inside = (path for path in recordings_in(place) if _inside(path, folder))
+        found = tuple(_name(path, folder) for path in inside if path.name not in _NO_RECORDINGS)
         if found and place.name not in _NO_RECORDINGS:
             recordings[_name(place, folder)] = found
     kinds = {_name(path, folder): kind for path in _files(folder, places[: 1 + len(_folders(folder))]) if (kind := _kind(path))}
@@ -62,7 +63,7 @@ def contents_of(folder: Path) -> Contents:
         for place in places
         if place.name in WORLD_FOLDERS
     }
-    tables = [path for path in _with(folder, (".csv",), folder) if _CONTROL_POINTS <= _columns(path)]
+    tables = [path for path in _with(folder, (".csv",), folder) if _columns(path) >= _CONTROL_POINTS]
     poses = [*_with(folder / "poses", (".yaml",), folder), *(p for p in (folder / "start.yaml",) if p.is_file())]
     return Contents(
         recordings,

@@ -54,7 +54,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Step:
-    """A step as it stands. ``missing``: why it cannot be done yet; ``files``: what it has written that can be looked at."""
+    """A step as it stands. ``said``: why, or what is needed; ``files``: what it has written that can be looked at."""
 
     name: str
     title: str
@@ -165,7 +165,8 @@ class Steps:
                 return Step("rig", title, TODO, str(error), self._rig_ways(), files=self._there("rig.html"))
             return Step("rig", title, DONE, f"{RIG}: {len(found)} cameras", self._rig_ways(), found, self._there("rig.html"))
         if not here.recordings:
-            return Step("rig", title, WAITING, "no videos in this folder, and no folders of images: put those of every camera here")
+            said = "no videos in this folder, and no folders of images: put those of every camera here"
+            return Step("rig", title, WAITING, said)
         if not here.calibrations:
             said = "no calibration of another program here: film a board, or put a calibration here"
             more = f"; {', '.join(here.rigs)} may be named {RIG}" if here.rigs else ""
@@ -186,7 +187,8 @@ class Steps:
         if here.calibrations:
             calibration = Field("calibration", "calibration", options=here.calibrations, value=_only(here.calibrations))
             unit = Field("unit", "its unit", options=("as it says", "m", "cm", "mm"), value="as it says")
-            ways.append(Way("import", "a calibration that lies here", self._import, (calibration, unit, videos, pixels, backgrounds)))
+            fields = (calibration, unit, videos, pixels, backgrounds)
+            ways.append(Way("import", "a calibration that lies here", self._import, fields))
         clocks = Field("clocks", "clocks", options=("auto", "sound", "exact", "offset", "free"), value="auto")
         fields = (board, *_board_fields(), clocks, videos, pixels, backgrounds)
         return (*ways, Way("board", "a board that all have filmed", self._board, fields))
@@ -259,7 +261,7 @@ class Steps:
                             (images, *_board_fields())))  # fmt: skip
         if here.control_points:
             points = Field("points", "points of known place", options=here.control_points, value=_only(here.control_points))
-            ways.append(Way("points", "points of known place", lambda v: self._world_of(before, ["--points", v["points"]]), (points,)))
+            ways.append(Way("points", "points of known place", lambda v: self._world_points(before, v), (points,)))
         axis = Field("up", "the axis that points up", options=_AXES)
         ways.append(Way("up", "an axis of the rig's world is up", lambda v: self._world_of(before, [f"--up={v['up']}"]), (axis,)))
         if self._is_new(WORLD, before):
@@ -278,6 +280,9 @@ class Steps:
         images = self._contents.board_images[values["images"]]
         return self._world_of(before, ["--board-images", *(f"{c}={path}" for c, path in images.items()), *_board(values)])
 
+    def _world_points(self, before: str, values: Values) -> list[list[str]]:
+        return self._world_of(before, ["--points", values["points"]])
+
     def _world_of(self, before: str, evidence: list[str]) -> list[list[str]]:
         return [["rig", "world", before, *evidence, "-o", WORLD, *self._anew(WORLD)]]
 
@@ -288,7 +293,8 @@ class Steps:
         sets = Field("sets", "image sets to look at", NUMBER, value="20")
         stature = Field("stature", "height, m", NUMBER)
         ways = [
-            Way("points", "from points in the videos", lambda v: self._body_of(["--from-points", rig, *_unless(v, "sets", "20")]), (sets,)),
+            Way("points", "from points in the videos",
+                lambda v: self._body_of(["--from-points", rig, *_unless(v, "sets", "20")]), (sets,)),
             Way("stature", "of a height", lambda v: self._body_of(["--stature", v["stature"]]), (stature,)),
         ]  # fmt: skip
         if self._contents.markers:
@@ -324,7 +330,8 @@ class Steps:
         links = {"Set a pose by hand": "/pose.html"}
         state = self._state(RECORDING, rig, PERSON)
         said = f"{RECORDING}: what is tracked, and how it begins" if state == DONE else self._older(RECORDING, rig, PERSON)
-        return Step("start", title, state, said or "points in the images, markers, or a pose that you drag", tuple(ways), links=links)
+        said = said or "points in the images, markers, or a pose that you drag"
+        return Step("start", title, state, said, tuple(ways), links=links)
 
     def _describe(self, rig: str, values: Values, pose: str | None = None) -> list[str]:
         start = [] if pose is None else ["--initial-state", pose]
@@ -345,7 +352,8 @@ class Steps:
         shrink = Field("shrink", "images smaller by", options=("1", "2", "4"), value="1")
         way = Way("track", "track the videos", lambda v: [_track(v)], (sets, shrink))
         state = self._state(RUN, RECORDING)
-        said = self._older(RUN, RECORDING) or ("run/" if state == DONE else "tracks all images; may be cancelled, and keeps what it has")
+        plain = "run/" if state == DONE else "tracks all images; may be cancelled, and keeps what it has"
+        said = self._older(RUN, RECORDING) or plain
         return Step("run", title, state, said, (way,), self._counts())
 
     def _counts(self) -> tuple[str, ...]:
@@ -453,6 +461,6 @@ def _checked(asked: Field, value: str) -> str:
         raise UnknownNameError(asked.label, value, asked.options)
     if asked.kind == NUMBER and not _is_number(value):
         raise FileFormatError("request", asked.name, "a number", value)
-    if asked.kind == TEXT and (value.startswith("-") and asked.name != "at" or len(value) > 500):
+    if asked.kind == TEXT and ((value.startswith("-") and asked.name != "at") or len(value) > 500):
         raise FileFormatError("request", asked.name, asked.label, value[:100])
     return value
