@@ -68,7 +68,7 @@ def _possible(done: int) -> set[str]:
     return {0: set(), 1: {"world", "body"}, 2: {"body"}}.get(done, set())
 
 
-def test_what_runs_may_be_cancelled(recorded, tmp_path):
+def test_what_runs_may_be_canceled(recorded, tmp_path):
     folder = tmp_path / "walk"
     shutil.copytree(recorded, folder)
     with running_studio("--new", folder) as studio:
@@ -78,5 +78,5 @@ def test_what_runs_may_be_cancelled(recorded, tmp_path):
         assert "is running" in client.json("/api/wizard/start", asked, status=400)["error"]
         client.json("/api/wizard/cancel", {})
         job = client.json("/api/wizard/job")
-        assert not job["running"] and job["cancelled"] and not job["error"]
+        assert not job["running"] and job["canceled"] and not job["error"]
         assert client.step("rig")["state"] == "to do" and not (folder / "rig.yaml").exists()

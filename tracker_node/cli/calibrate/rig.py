@@ -67,8 +67,8 @@ def run(args: argparse.Namespace) -> int:
     begun_s = _by_sound(args) if args.clocks == "sound" else {}
     sources = sources_of(args, args.stamps, begun_s)
     tracked_later = sources_of_cameras(args.sources, list(sources), print)
-    pixels = parsed_choices("--pixel-map", args.pixel_map)
-    rig_of_videos(_of_their_sizes(sources, tracked_later), pixels, lambda sentence: None)  # before what takes minutes
+    pixel_maps = parsed_choices("--pixel-map", args.pixel_map)
+    rig_of_videos(_of_their_sizes(sources, tracked_later), pixel_maps, lambda sentence: None)  # before what takes minutes
     options = _options(args)
     lenses = given_lenses(load_rig(args.lenses), sources) if args.lenses else None
     seen, left_out = detect(args, sources, board, least=2)
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     late_s = late_cameras(found)
     whole_s = {name: begun_s.get(name, 0.0) + late_s.get(name, 0.0) for name in found.rig.names}
     rig = with_sources(found.rig, {name: tracked_later.get(name) for name in sources}, whole_s if args.write_clocks else {})
-    rig = rig_of_videos(rig, pixels, print)
+    rig = rig_of_videos(rig, pixel_maps, print)
     write_rig_file(rig_file_of(rig), args.output, base_dir=".")
     for name, seconds in late_s.items():
         print(f"{name}: its images are {1e3 * seconds:.1f} ms later than they say, beside {found.rig.names[0]}")

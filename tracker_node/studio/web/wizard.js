@@ -27,7 +27,7 @@ async function follow() {
   }
   await attempt(load);
   if (facts.job.error) say(facts.job.error, "bad");
-  else say(facts.job.cancelled ? "cancelled" : "done");
+  else say(facts.job.canceled ? "canceled" : "done");
 }
 
 function draw() {
@@ -107,7 +107,7 @@ function drawJob() {
   const job = facts.job, place = document.querySelector(`#step-${job.step} .job`);
   if (!place) return;
   place.replaceChildren();
-  if (!job.running && !job.error && !job.note && !job.cancelled) return;
+  if (!job.running && !job.error && !job.note && !job.canceled) return;
   if (job.running) {
     for (const button of document.querySelectorAll(".step .doing > button.primary")) button.disabled = true;
     const bar = make("progress", job.progress ? { max: job.progress[1], value: job.progress[0] } : {});
@@ -117,7 +117,7 @@ function drawJob() {
   }
   if (job.error) place.append(make("p", { class: "bad", role: "alert" }, job.error));
   if (job.note) place.append(make("p", { class: "fair" }, job.note));
-  if (job.cancelled) place.append(make("p", { class: "soft" }, "cancelled"));
+  if (job.canceled) place.append(make("p", { class: "soft" }, "canceled"));
   place.append(make("pre", {}, job.lines.join("\n")));
 }
 

@@ -1,4 +1,4 @@
-"""Commands of the program, run one after the other in a process of their own each: with progress, and to be cancelled."""
+"""Commands of the program, run one after the other in a process of their own each: with progress, and to be canceled."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Jobs:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._process: subprocess.Popen[str] | None = None
-        self._step, self._command, self._error, self._note, self._cancelled = "", "", "", "", False
+        self._step, self._command, self._error, self._note, self._canceled = "", "", "", "", False
         self._lines: deque[str] = deque(maxlen=_MOST_LINES)
 
     @property
@@ -59,14 +59,14 @@ class Jobs:
         with self._lock:
             if self.running:
                 raise TrackerError(f"'{self._step}' is running: wait for it, or cancel it")
-            self._step, self._command, self._error, self._note, self._cancelled = step, shown[0], "", "", False
+            self._step, self._command, self._error, self._note, self._canceled = step, shown[0], "", "", False
             self._lines.clear()
             self._thread = threading.Thread(target=self._run, args=(commands, shown), daemon=True)
             self._thread.start()
 
     def cancel(self) -> None:
         """End what runs, as Ctrl-C does; what it has written whole stays."""
-        self._cancelled = True
+        self._canceled = True
         process = self._process
         if process is None or process.poll() is not None:
             return
@@ -94,14 +94,14 @@ class Jobs:
             "progress": progress if self.running else None,
             "error": self._error,
             "note": self._note,
-            "cancelled": self._cancelled and not self.running,
+            "canceled": self._canceled and not self.running,
         }
 
     def _run(self, commands: Sequence[Sequence[str]], shown: Sequence[str]) -> None:
         for command, text in zip(commands, shown, strict=True):
             self._command = text
             self._lines.append(f"$ {text}")
-            if self._cancelled or not self._do(command):
+            if self._canceled or not self._do(command):
                 break
         self._ended()
 
@@ -125,7 +125,7 @@ class Jobs:
                 last = line.rstrip() or last
                 self._lines.append(line.rstrip())
         status = self._process.wait()
-        if status and not self._cancelled:
+        if status and not self._canceled:
             told = next((line for line in reversed(self._lines) if ": error: " in line), last)
             why = told.partition(": error: ")[2] or told or f"ended with status {status}"
             if list(command[:2]) == _OPTIONAL:

@@ -9,6 +9,7 @@ import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -187,8 +188,8 @@ class Steps:
         if here.calibrations:
             calibration = Field("calibration", "calibration", options=here.calibrations, value=_only(here.calibrations))
             unit = Field("unit", "its unit", options=("as it says", "m", "cm", "mm"), value="as it says")
-            fields = (calibration, unit, videos, pixels, backgrounds)
-            ways.append(Way("import", "a calibration that lies here", self._import, fields))
+            of_import = (calibration, unit, videos, pixels, backgrounds)
+            ways.append(Way("import", "a calibration that lies here", self._import, of_import))
         clocks = Field("clocks", "clocks", options=("auto", "sound", "exact", "offset", "free"), value="auto")
         fields = (board, *_board_fields(), clocks, videos, pixels, backgrounds)
         return (*ways, Way("board", "a board that all have filmed", self._board, fields))
@@ -218,7 +219,7 @@ class Steps:
             "timecode": "timecode",
         }  # fmt: skip
         ways = tuple(
-            Way(by, label, lambda values, by=by: self._synchronize(by, values), (offset, *((at,) if by == "sound" else ())))
+            Way(by, label, partial(self._synchronize, by), (offset, at) if by == "sound" else (offset,))
             for by, label in labels.items()
         )
         files = self._there("rig_timed.png")
@@ -352,7 +353,7 @@ class Steps:
         shrink = Field("shrink", "images smaller by", options=("1", "2", "4"), value="1")
         way = Way("track", "track the videos", lambda v: [_track(v)], (sets, shrink))
         state = self._state(RUN, RECORDING)
-        plain = "run/" if state == DONE else "tracks all images; may be cancelled, and keeps what it has"
+        plain = "run/" if state == DONE else "tracks all images; may be canceled, and keeps what it has"
         said = self._older(RUN, RECORDING) or plain
         return Step("run", title, state, said, (way,), self._counts())
 
