@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from helpers.studio.studio_process import running_studio
+from helpers.studio.wizard_client import Client
 from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError
 from tracker_node.studio.wizard.folder import contents_of
 from tracker_node.studio.wizard.steps import Steps
-
-from .conftest import Client
 
 
 @pytest.fixture

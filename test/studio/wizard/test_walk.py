@@ -5,9 +5,8 @@ import shutil
 import pytest
 
 from helpers.studio.studio_process import running_studio
+from helpers.studio.wizard_client import Client
 from tracker_node.cli.main import main
-
-from .conftest import Client
 
 COMMANDS = """rig import Calib.toml --sources videos -o rig.yaml
 synchronize --rig rig.yaml -o rig_timed.yaml
