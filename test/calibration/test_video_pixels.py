@@ -14,7 +14,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.errors import CalibrationError, UnknownNameError
 
-POINTS = np.random.default_rng(2).uniform(-0.4, 0.4, (40, 3)) + np.array([0.0, 0.0, 1.0])
+POINTS = np.random.default_rng(2).uniform((-0.4, -0.4, 0.6), (0.4, 0.4, 1.4), (40, 3))
 LENS = CameraModel(640, 480, np.array([[600.0, 0.0, 331.0], [0.0, 590.0, 228.0], [0.0, 0.0, 1.0]]), "plumb_bob",
                    np.array([0.05, -0.02, 0.004, -0.003, 0.001]))  # fmt: skip
 
@@ -111,6 +111,6 @@ def test_what_no_way_explains_is_refused(camera, tmp_path):
 
 
 def test_cameras_without_a_recording_stay(camera, tmp_path):
-    live, gone = replace(camera, name="b", source="v4l2:/dev/video0"), replace(camera, name="c", source=str(tmp_path / "no.mp4"))
-    cameras = (camera, live, gone)
+    sources = {"b": "v4l2:/dev/video0", "c": str(tmp_path / "no.mp4")}
+    cameras = (camera, *(replace(camera, name=name, source=source) for name, source in sources.items()))
     assert rig_of_videos(CameraRig(cameras), {}, print).cameras == cameras

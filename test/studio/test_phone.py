@@ -3,7 +3,7 @@
 import pytest
 
 from helpers.cameras.small_clip import make_clip
-from helpers.studio.browser import browser_tab
+from helpers.studio.browser import SMALL, TOO_WIDE, browser_tab
 from helpers.studio.studio_process import running_studio
 from tracker_node.cli.main import main
 
@@ -11,17 +11,7 @@ pytestmark = pytest.mark.long  # a browser and a studio
 
 WIDTH, HEIGHT = 390, 844
 PAGES = ("index", "pose", "digitizing", "playback", "live")
-TOO_WIDE = """[...document.querySelectorAll('body *')].filter((e) => {
-  if (e.getBoundingClientRect().right <= innerWidth + 1) return false;
-  for (let at = e.parentElement; at && at !== document.body; at = at.parentElement) {
-    if (getComputedStyle(at).overflowX !== 'visible') return false;
-  }
-  return true;
-}).map((e) => `${e.tagName}.${e.className}#${e.id}`)"""
-SMALL = """[...document.querySelectorAll('main button, main select, header nav a')].filter((e) => e.offsetParent).filter((e) => {
-  const { width, height } = e.getBoundingClientRect();
-  return Math.min(width, height) < 36;
-}).map((e) => e.id || e.textContent)"""
+
 
 
 @pytest.fixture(scope="module")

@@ -147,16 +147,16 @@ def images_beside(rig: CameraRig) -> dict[str, Path]:
             continue
         recording = Path(parse_source(camera.source).target)
         names = dict.fromkeys((camera.name, recording.stem))
-        places = [place / folder for place in (recording.parent, recording.parent.parent) for folder in _FOLDERS]
-        stems = [place / name for place in places for name in names]
+        folders = [place / folder for place in (recording.parent, recording.parent.parent) for folder in _FOLDERS]
+        stems = [folder / name for folder in folders for name in names]
         stems += [recording.parent / f"{name}{ending}" for name in names for ending in _ENDINGS]
-        files = [Path(f"{stem}{suffix}") for stem in stems for suffix in _SUFFIXES]
-        there = {path.resolve(): path for path in files if path.is_file()}
+        paths = (Path(f"{stem}{suffix}") for stem in stems for suffix in _SUFFIXES)
+        there = list({path.resolve(): path for path in paths if path.is_file()}.values())
         if len(there) > 1:
-            came = ", ".join(map(str, there.values()))
-            raise FileFormatError(recording.parent, camera.name, "one image of its background", came)
+            several = ", ".join(map(str, there))
+            raise FileFormatError(recording.parent, camera.name, "one image of its background", several)
         if there:
-            (found[camera.name],) = there.values()
+            found[camera.name] = there[0]
     return found
 
 

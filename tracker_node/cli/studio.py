@@ -14,8 +14,11 @@ from pathlib import Path
 
 from ._last_resort import unexpected
 
-SUMMARY = "serve a local web page: set a pose by hand, digitize points, play a run back, watch a running graph"
-EXAMPLE = "tracker_node studio --rig rig.yaml --model person.yaml --initial-state start.yaml --run out/run1"
+SUMMARY = "serve a local web page: from videos to a report, a pose by hand, digitized points, a run played back, a running graph"
+EXAMPLE = (
+    "tracker_node studio --rig rig.yaml --model person.yaml --initial-state start.yaml --run out/run1\n"
+    "  tracker_node studio --new walk"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where digitized points are saved (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--control-points", type=Path, metavar="CSV", help="points of known place, for cameras by DLT")
+    parser.add_argument(
+        "--new", type=Path, metavar="FOLDER", help="folder of a recording: seven steps from its videos to a report, and all other"
+        " files from there",
+    )  # fmt: skip
     parser.add_argument("--port", type=int, default=0, help="port of 127.0.0.1 to serve (default: a free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the address, do not open a browser")
 
@@ -45,6 +52,12 @@ def run(args: argparse.Namespace) -> int:
 
     if not 0 <= args.port < 65536:
         raise FileFormatError("command line", "--port", "a number from 0 to 65535", args.port)
+    others = ("rig", "model", "config", "initial_state", "run", "control_points")
+    if args.new is not None and (given := [name for name in others if getattr(args, name) is not None]):
+        option = f"--{given[0].replace('_', '-')}"
+        raise FileFormatError("command line", option, "none beside --new, whose folder has it", given[0])
+    if args.new is not None and not args.new.is_dir():
+        raise FileFormatError("command line", "--new", "a folder with videos", args.new)
     named = {name: getattr(args, name) for name in StudioFiles.__dataclass_fields__}
     session = open_session(StudioFiles(**named))
     for problem in session.images.problems if session.images is not None else ():
@@ -57,9 +70,10 @@ def run(args: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # uvicorn's own handlers come later than somebody may
         signal.signal(number, lambda *_: setattr(server, "should_exit", True))
     with session.closing, closing(listener):
-        print(f"studio: {access.start_url}\nstudio: Ctrl-C ends it", flush=True)
+        url = access.start_url if args.new is None else access.start_url.replace("/?", "/wizard.html?")
+        print(f"studio: {url}\nstudio: Ctrl-C ends it", flush=True)
         if not args.no_browser:
-            session.closing.enter_context(_opened_in_browser(access.start_url))
+            session.closing.enter_context(_opened_in_browser(url))
         server.run(sockets=[listener])
     return 0
 

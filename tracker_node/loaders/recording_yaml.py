@@ -348,6 +348,6 @@ def write_recording(
     parameters = {"/**": {"ros__parameters": {"modalities": list(modalities), "synchronizer": synchronizer}}}
     write_mapping(parameters, path.parent / PARAMETERS, "Contours and points of people together." if len(modalities) > 1 else "")
     known = {name: str(file) for name, file in files.items()}
-    first = {name: known.pop(name) for name in ("rig", "model", "initial_state") if name in known}
-    values = first | {"config": PARAMETERS} | known
+    first: dict[str, str] = {name: known.pop(name) for name in ("rig", "model", "initial_state") if name in known}
+    values: dict[str, str] = {**first, "config": PARAMETERS, **known}
     write_mapping(values, path, f"{comment}; the format is described in docs/formats.md.")

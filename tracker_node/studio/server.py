@@ -24,14 +24,15 @@ from starlette.datastructures import MutableHeaders
 from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
-from starlette.routing import BaseRoute, Mount, Route
+from starlette.routing import BaseRoute, Mount, Route, Router
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..errors import SourceError, TrackerError
 from ..render.palette import STATES, WORDS
 from .endpoints import Answer, get, image
-from .session import StudioSession
+from .session import StudioFiles, StudioSession, open_session
+from .wizard import page as wizard_page
 
 WEB_FOLDER = Path(__file__).parent / "web"
 
@@ -54,18 +55,60 @@ def make_app(
     -------
     To be served.
     """
-    routes: list[BaseRoute] = [
-        get("/api/session", lambda: session_facts(session)),
-        image("/images/{camera}/{number}", session.needed_images),
-        Route("/palette.css", _palette),
-    ]
-    for page in pages:
-        routes += page(session)
-    routes.append(Mount("/", StaticFiles(directory=WEB_FOLDER, html=True)))
+    current = CurrentPages(session, pages)
+    routes: list[BaseRoute] = [*wizard_page.routes(session, current.reopen), Mount("/", current)]
     middleware = [Middleware(OnlyOwnPages, access=access)]
     if unexpected is not None:
         middleware.append(Middleware(UnexpectedErrors, report=unexpected))
     return Starlette(routes=routes, middleware=middleware, exception_handlers={TrackerError: _told, OSError: _not_written})
+
+
+class CurrentPages:
+    """ASGI application of the pages that show the files of a session, which are read anew when steps have written others.
+
+    Parameters
+    ----------
+    session : to begin with.
+    pages : see `make_app`.
+    """
+
+    def __init__(self, session: StudioSession, pages: Sequence[Page]):
+        self._first, self._pages = session, pages
+        self._session, self._router = session, self._router_of(session)
+        session.closing.callback(self._close)
+        if session.files.new is not None:
+            self.reopen()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await self._router(scope, receive, send)
+
+    def reopen(self) -> None:
+        """Show what lies in the recording's folder now; what cannot be opened is left out: its step says why."""
+        folder = self._first.files.new
+        if folder is None:
+            return
+        poses = {"new": folder, "folder": folder / "poses", "clicks": folder / "clicks"}
+        try:
+            session = open_session(StudioFiles(**poses, **wizard_page.files_of(folder)))
+        except TrackerError:
+            session = open_session(StudioFiles(**poses))
+        before, self._session, self._router = self._session, session, self._router_of(session)
+        if before is not self._first:
+            before.closing.close()
+
+    def _router_of(self, session: StudioSession) -> Router:
+        routes: list[BaseRoute] = [
+            get("/api/session", lambda: session_facts(session)),
+            image("/images/{camera}/{number}", session.needed_images),
+            Route("/palette.css", _palette),
+        ]
+        for page in self._pages:
+            routes += page(session)
+        return Router([*routes, Mount("/", StaticFiles(directory=WEB_FOLDER, html=True))])
+
+    def _close(self) -> None:
+        if self._session is not self._first:
+            self._session.closing.close()
 
 
 def all_pages() -> tuple[Page, ...]:
@@ -266,7 +309,7 @@ def _closed(send: Send) -> Send:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
             for name, value in _HEADERS.items():
-                headers[name] = value
+                headers.setdefault(name, value)  # a report has a policy of its own
             headers.setdefault("Cache-Control", "no-store")
         await send(message)
 

@@ -42,7 +42,8 @@ class made_once(cached_property[Made]):
 class StudioFiles:
     """What the command line names; each may be missing, and the pages that need it then say so.
 
-    ``folder`` holds saved states, ``clicks`` where digitized points are, ``control_points`` known points.
+    ``folder`` holds saved states, ``clicks`` where digitized points are, ``control_points`` known points; ``new`` is the folder
+    of a recording that is led from videos to a report, and says what the other pages show.
     """
 
     rig: Path | None = None
@@ -53,6 +54,7 @@ class StudioFiles:
     folder: Path = Path("out/studio")
     clicks: Path = Path("out/digitized")
     control_points: Path | None = None
+    new: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)

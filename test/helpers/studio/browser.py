@@ -10,6 +10,18 @@ from typing import Any
 
 import pytest
 
+# Of what is wider than the screen of a phone, and of what is too small to touch
+TOO_WIDE = """[...document.querySelectorAll('body *')].filter((e) => {
+  if (e.getBoundingClientRect().right <= innerWidth + 1) return false;
+  for (let at = e.parentElement; at && at !== document.body; at = at.parentElement) {
+    if (getComputedStyle(at).overflowX !== 'visible') return false;
+  }
+  return true;
+}).map((e) => `${e.tagName}.${e.className}#${e.id}`)"""
+SMALL = """[...document.querySelectorAll('main button, main select, header nav a')].filter((e) => e.offsetParent).filter((e) => {
+  const { width, height } = e.getBoundingClientRect();
+  return Math.min(width, height) < 36;
+}).map((e) => e.id || e.textContent)"""
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 

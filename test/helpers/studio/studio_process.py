@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from urllib.parse import urlsplit
 
 
 @dataclass(frozen=True)
@@ -18,11 +19,12 @@ class StudioProcess:
 
     @property
     def origin(self) -> str:
-        return self.url.split("/?")[0]
+        parts = urlsplit(self.url)
+        return f"{parts.scheme}://{parts.netloc}"
 
     def page(self, name: str) -> str:
         """Address of a page that lets a browser in."""
-        return self.url.replace("/?", f"/{name}?")
+        return f"{self.origin}/{name}?{urlsplit(self.url).query}"
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 import { attempt, make, request } from "/common.js";
 
 const PAGES = [
-  ["index.html", "Start"], ["pose.html", "Pose"], ["digitizing.html", "Points"], ["playback.html", "Playback"], ["live.html", "Live"],
+  ["index.html", "Start"], ["wizard.html", "New"], ["pose.html", "Pose"], ["digitizing.html", "Points"], ["playback.html", "Playback"], ["live.html", "Live"],
 ];
 
 /** Put the header with the navigation on top of the page; returns the facts of the session. */

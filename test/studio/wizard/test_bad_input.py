@@ -1,0 +1,120 @@
+"""What folders lack or have too much of, and what steps are refused: in words, and without a process started."""
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from helpers.studio.studio_process import running_studio
+from helpers.studio.wizard_client import Client
+from tracker_node.cli.main import main
+from tracker_node.errors import TrackerError
+from tracker_node.studio.wizard.folder import contents_of
+from tracker_node.studio.wizard.steps import Steps
+
+
+@pytest.fixture
+def folder(recorded, tmp_path) -> Path:
+    shutil.copytree(recorded, tmp_path / "walk")
+    return tmp_path / "walk"
+
+
+def film(path: Path, size: tuple[int, int]) -> None:
+    path.parent.mkdir(exist_ok=True)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 30.0, size)
+    for _ in range(4):
+        writer.write(np.full((size[1], size[0], 3), 120, np.uint8))
+    writer.release()
+
+
+def test_an_empty_folder_says_what_to_put_there(tmp_path):
+    steps = {step.name: step for step in Steps(tmp_path).all()}
+    assert steps["rig"].state == "not yet" and "no videos in this folder" in steps["rig"].said
+    assert [step.state for step in steps.values()] == 7 * ["not yet"]
+    for name in steps:
+        with pytest.raises(TrackerError):
+            Steps(tmp_path).commands(name, "any", {})
+
+
+def test_a_folder_that_is_none_is_refused(tmp_path, capsys):
+    assert main(["studio", "--no-browser", "--new", str(tmp_path / "none")]) == 2
+    assert "--new" in capsys.readouterr().err
+    assert main(["studio", "--no-browser", "--new", str(tmp_path), "--rig", "rig.yaml"]) == 2
+    assert "none beside --new" in capsys.readouterr().err
+
+
+def test_of_two_calibrations_one_must_be_chosen(folder):
+    shutil.copyfile(folder / "Calib.toml", folder / "old.toml")
+    steps = Steps(folder)
+    assert "2 calibrations here: choose" in steps.all()[0].said
+    with pytest.raises(TrackerError, match=r"'calibration': expected one of Calib.toml, old.toml, got 'nothing'"):
+        steps.commands("rig", "import", {})
+    for wrong in ("/etc/passwd", "../walk/Calib.toml", "--help"):
+        with pytest.raises(TrackerError, match=r"Calib\.toml"):
+            steps.commands("rig", "import", {"calibration": wrong})
+    found = steps.commands("rig", "import", {"calibration": "old.toml", "backgrounds": "none"})
+    assert found == [["rig", "import", "old.toml", "--sources", "videos", "-o", "rig.yaml"]]
+
+
+def test_what_is_typed_is_no_option_of_a_command(folder):
+    film(folder / "board/cam01.mp4", (64, 48))
+    steps = Steps(folder)
+    board = {"size": "7x5", "square": "0.1", "backgrounds": "none"}
+    (found,) = steps.commands("rig", "board", board)
+    assert found[:4] == ["calibrate", "rig", "--videos", "board/cam01.mp4"]
+    assert found[-4:] == ["--sources", "videos", "-o", "rig.yaml"]
+    for name, wrong in (("size", "--output=x"), ("square", "1; ls"), ("square", ""), ("clocks", "never"), ("other", "x")):
+        with pytest.raises(TrackerError, match=name if name != "clocks" else "never"):
+            steps.commands("rig", "board", {**board, name: wrong})
+    for step, way, said in (("nap", "any", "body, look"), ("rig", "guess", "board, import"), ("run", "track", "recording.yaml")):
+        with pytest.raises(TrackerError, match=said):
+            steps.commands(step, way, {})
+
+
+def test_links_that_lead_out_of_the_folder_are_not_followed(folder, tmp_path):
+    (tmp_path / "secret").mkdir()
+    shutil.move(folder / "Calib.toml", tmp_path / "secret/Calib.toml")
+    (folder / "Calib.toml").symlink_to(tmp_path / "secret/Calib.toml")
+    shutil.move(folder / "videos/cam01.mp4", tmp_path / "secret/cam01.mp4")
+    (folder / "videos/cam01.mp4").symlink_to(tmp_path / "secret/cam01.mp4")
+    (folder / "more").symlink_to(tmp_path / "secret")
+    found = contents_of(folder)
+    assert found.calibrations == () and found.recordings == {"videos": ("videos/cam02.mp4", "videos/cam03.mp4")}
+
+
+def test_a_step_is_old_when_what_it_was_made_from_is_newer(folder):
+    files = str(folder / "Calib.toml"), "--sources", str(folder / "videos"), "-o", str(folder / "rig.yaml")
+    assert main(["rig", "import", *files]) == 0
+    shutil.copyfile(folder / "rig.yaml", folder / "rig_timed.yaml")
+    assert Steps(folder).current_rig() == "rig_timed.yaml"
+    (folder / "rig.yaml").write_text((folder / "rig.yaml").read_text())
+    time = Steps(folder).all()[1]
+    assert time.state == "if needed" and time.said == "rig_timed.yaml is older than rig.yaml: do it again"
+    assert Steps(folder).current_rig() == "rig.yaml"
+
+
+def test_videos_of_unlike_sizes_and_steps_before_their_time_over_http(folder):
+    """The program's own sentence comes to the page; a choice of the candidates goes on; doubtful backgrounds are a note."""
+    film(folder / "videos/cam02.mp4", (200, 160))
+    with running_studio("--new", folder) as studio:
+        client = Client(studio.url)
+        early = client.json("/api/wizard/start", {"step": "look", "way": "evaluate", "values": {}}, status=400)
+        assert early["error"] == "look: needs a run"
+        job = client.do("rig", "import")
+        assert "expected 200x200, got 200x160" in job["error"] and "--pixel-map cam02=cut" in job["error"]
+        assert client.step("rig")["state"] == "to do" and not (folder / "rig.yaml").exists()
+        job = client.do("rig", "import", pixel_map="cam02=cut")
+        assert not job["error"] and "no background is to be relied on" in job["note"]
+        assert client.step("rig")["found"][1].startswith("cam02: cam02.mp4, 200x160")
+        film(folder / "videos/cam03.mp4", (100, 200))  # filmed anew: the rig no longer fits
+        rig = client.step("rig")
+        assert rig["state"] == "to do" and "expected 200x200, got 100x200" in rig["said"]
+        for values in ({}, {"step": 1, "way": "x"}, {"step": "rig", "way": "import", "values": {"calibration": 3}}):
+            assert "request" in client.json("/api/wizard/start", values, status=400)["error"]
+
+
+def test_without_a_folder_the_page_says_how(tmp_path):
+    with running_studio() as studio:
+        assert "--new FOLDER" in Client(studio.url).json("/api/wizard/steps", status=400)["error"]

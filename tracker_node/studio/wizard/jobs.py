@@ -1,0 +1,142 @@
+"""Commands of the program, run one after the other in a process of their own each: with progress, and to be canceled."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...errors import TrackerError
+
+COMMAND = ("-P", "-m", "tracker_node.cli.main")  # -P: what is installed, not a folder of that name in the current one
+_MOST_LINES = 300
+_PATIENCE_S = 15.0  # with a command that is to end
+_OPTIONAL = ["calibrate", "background"]  # without which a step is done: the tracker learns backgrounds by itself
+_PROGRESS = (re.compile(r": +(\d+)/(\d+) "), re.compile(r", (\d+) of (\d+), "))
+
+
+class Jobs:
+    """One job at a time.
+
+    Parameters
+    ----------
+    folder : that commands run in.
+    ended : called, in a thread, when a job is over.
+    """
+
+    def __init__(self, folder: Path, ended: Callable[[], object] = lambda: None):
+        self._folder, self._ended = folder, ended
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._process: subprocess.Popen[str] | None = None
+        self._step, self._command, self._error, self._note, self._canceled = "", "", "", "", False
+        self._lines: deque[str] = deque(maxlen=_MOST_LINES)
+
+    @property
+    def running(self) -> bool:
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self, step: str, commands: Sequence[Sequence[str]], shown: Sequence[str]) -> None:
+        """Begin.
+
+        Parameters
+        ----------
+        step : whose commands they are.
+        commands : verb and arguments of each.
+        shown : as a user would type them.
+
+        Raises
+        ------
+        TrackerError : another job is running.
+        """
+        with self._lock:
+            if self.running:
+                raise TrackerError(f"'{self._step}' is running: wait for it, or cancel it")
+            self._step, self._command, self._error, self._note, self._canceled = step, shown[0], "", "", False
+            self._lines.clear()
+            self._thread = threading.Thread(target=self._run, args=(commands, shown), daemon=True)
+            self._thread.start()
+
+    def cancel(self) -> None:
+        """End what runs, as Ctrl-C does; what it has written whole stays."""
+        self._canceled = True
+        process = self._process
+        if process is None or process.poll() is not None:
+            return
+        os.killpg(process.pid, signal.SIGINT)
+        try:
+            process.wait(_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+
+    def close(self) -> None:
+        """Cancel, and wait."""
+        self.cancel()
+        if self._thread is not None:
+            self._thread.join(_PATIENCE_S)
+
+    def facts(self) -> dict[str, Any]:
+        """What a page shows of it."""
+        lines = list(self._lines)
+        progress = next((found for line in reversed(lines) if (found := _progress(line))), None)
+        return {
+            "step": self._step,
+            "running": self.running,
+            "command": self._command,
+            "lines": lines[-12:],
+            "progress": progress if self.running else None,
+            "error": self._error,
+            "note": self._note,
+            "canceled": self._canceled and not self.running,
+        }
+
+    def _run(self, commands: Sequence[Sequence[str]], shown: Sequence[str]) -> None:
+        for command, text in zip(commands, shown, strict=True):
+            self._command = text
+            self._lines.append(f"$ {text}")
+            if self._canceled or not self._do(command):
+                break
+        self._ended()
+
+    def _do(self, command: Sequence[str]) -> bool:
+        """Whether the command ends well."""
+        self._process = subprocess.Popen(
+            [sys.executable, *COMMAND, *command],
+            cwd=self._folder,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+        )
+        assert self._process.stdout is not None
+        last = ""
+        with self._process.stdout as lines:
+            for line in lines:
+                last = line.rstrip() or last
+                self._lines.append(line.rstrip())
+        status = self._process.wait()
+        if status and not self._canceled:
+            told = next((line for line in reversed(self._lines) if ": error: " in line), last)
+            why = told.partition(": error: ")[2] or told or f"ended with status {status}"
+            if list(command[:2]) == _OPTIONAL:
+                self._note = why
+            else:
+                self._error = why
+        return status == 0
+
+
+def _progress(line: str) -> tuple[int, int] | None:
+    for pattern in _PROGRESS:
+        if (found := pattern.search(line)) and int(found[2]) > 0:
+            return int(found[1]), int(found[2])
+    return None
