@@ -195,8 +195,8 @@ class KeypointCorrespondences:
     def camera_equations(self, state: State) -> Sequence[CameraEquations | None]:
         """What each camera says of ``state`` at the best offsets; None for one without points."""
         there = self.at(state)
-        found = zip(there.normal, there.gradient, (there.weights >= 0.0).any(axis=0), strict=True)
-        return [CameraEquations(normal, gradient) if seen else None for normal, gradient, seen in found]
+        found = zip(there.normal, there.gradient, there.weights.max(axis=0).tolist(), strict=True)
+        return [CameraEquations(normal, gradient) if most >= 0.0 else None for normal, gradient, most in found]
 
     def squares_px(self, state: State) -> np.ndarray:
         """(n_points, n_cameras) squared distances in pixels at the best offsets; 0 where there is no point."""

@@ -327,7 +327,7 @@ class LinesAt:
         H, g = np.zeros((model.n_dof, model.n_dof)), np.zeros(model.n_dof)
         cost, count = self.sums.total(kernel.COST), int(self.sums.total(kernel.COUNT))
         for together in cameras_by_body(active, self.sums.bodies):
-            cost -= self._assemble(np.array(together), len(together) == len(active), H, g)
+            cost -= self._assemble(together, H, g)
         return NormalEquations(H, g, cost, count)
 
     @cached_property
@@ -354,10 +354,11 @@ class LinesAt:
             )  # fmt: skip
         return SurfaceSums(*table, drawn.surfaces.priors, model.shape_links)
 
-    def _assemble(self, cameras: np.ndarray, whole: bool, H: np.ndarray, g: np.ndarray) -> float:
+    def _assemble(self, cameras: Sequence[int], H: np.ndarray, g: np.ndarray) -> float:
         """Add what the links say in these cameras, which see one and the same body; what the surfaces take off their cost."""
         chain, body, sums = self._drawn.model.chain, self.sums.bodies[cameras[0]], self.sums
-        normal, gradient = sum_of_cameras(sums.normal, sums.gradient, cameras)
+        normal, gradient = sum_of_cameras(sums.normal, sums.gradient, np.array(cameras))
+        whole = len(cameras) == len(self._drawn.seeing)
         surfaces = self.surfaces if whole else self._surfaces(cameras, float(self._drawn.packed[kernel.MODEL_VARIANCE]))
         if surfaces is not None:
             normal -= surfaces.of_links(len(normal))
