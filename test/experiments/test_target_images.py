@@ -10,12 +10,11 @@ from helpers.cameras.render_scenes import LIGHTS, colored_scene, look_at, single
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import UnknownNameError
-from tracker_node.experiments.target_images import TargetStudio
+from tracker_node.experiments.target_images import BACKENDS, TargetStudio
 from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
-from tracker_node.render.backends import BACKENDS
 from tracker_node.render.opengl.renderer import RendererError
 from tracker_node.synthesis.scenes.room import cluttered_background
 

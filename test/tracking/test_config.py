@@ -6,6 +6,7 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 from tracker_node.errors import FileFormatError
+from tracker_node.runs.config_file import migrated
 from tracker_node.tracking.config import (
     ALONE,
     BASES,
@@ -19,7 +20,6 @@ from tracker_node.tracking.config import (
     from_dict,
     updated,
 )
-from tracker_node.tracking.migration import migrated
 from tracker_node.tracking.parameters import numbers, value_of
 from tracker_node.tracking.renamed import RENAMED
 

@@ -5,18 +5,41 @@ Every pixel is the mean of several, so that outlines mix with the background in 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig
+from ..errors import UnknownNameError
 from ..model.configuration import Configuration
-from ..render.backends import make_renderer
 from ..render.raycast.extent import body_extent
-from ..render.renderer import Region
+from ..render.raycast.raycaster import RaycastRenderer
+from ..render.renderer import Region, Renderer
+
+BACKENDS = ("raycaster", "pyrender")
+
+
+@contextmanager
+def make_renderer(name: str = "raycaster") -> Iterator[Renderer]:
+    """The renderer ``name``, one of `BACKENDS`, for a ``with`` statement.
+
+    Raises
+    ------
+    UnknownNameError : there is no such renderer.
+    RendererError : ``pyrender`` finds no OpenGL; the ray-caster needs none.
+    """
+    if name == "raycaster":
+        yield RaycastRenderer()
+    elif name == "pyrender":
+        from ..render.opengl.renderer import PyrenderRenderer  # PyOpenGL is loaded only where it is wanted
+
+        with PyrenderRenderer() as renderer:
+            yield renderer
+    else:
+        raise UnknownNameError("renderer", name, BACKENDS)
 
 
 class TargetStudio:
@@ -25,7 +48,7 @@ class TargetStudio:
     Parameters
     ----------
     rig : cameras, with their gain, gamma and distortion, and the lights.
-    backend : of `render.backends`.
+    backend : of `BACKENDS`.
     supersampling : a pixel is the mean of its square, samples.
     noise_levels : standard deviation of the sensor noise at middle gray, gray levels; half of its variance is constant, half
         grows with the signal.

@@ -21,7 +21,7 @@ from ..model.configuration import State
 from ..observation.image_set import ImageSet
 from ..tracking.config import TrackerConfig, describe, from_dict
 from ..tracking.estimate import Status
-from ..tracking.migration import migrated
+from .config_file import migrated
 from .data import RunData
 from .image_sets import resampled_rig, rig_of_bag
 from .recorded_sets import RecordedRunStream

@@ -13,11 +13,11 @@ from helpers.cameras.render_scenes import LENSES, LIGHTS, look_at, scattered_sce
 from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.errors import UnknownNameError
+from tracker_node.experiments.target_images import BACKENDS, make_renderer
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.segments18 import ellipsoid_human
 from tracker_node.model.shapes.primitives import Box, Ellipsoid
-from tracker_node.render.backends import BACKENDS, make_renderer
 from tracker_node.render.opengl.renderer import PyrenderRenderer
 from tracker_node.render.raycast import raycaster
 from tracker_node.render.raycast.extent import body_extent
@@ -148,7 +148,7 @@ def run_python(code, **environment):
     ("platform", "start"),
     [
         ("nonsense", "from tracker_node.render.opengl.renderer import OpenGLContext as start"),
-        ("glx", "from tracker_node.render.backends import make_renderer\ndef start(): make_renderer('pyrender').__enter__()"),
+        ("glx", "from tracker_node.experiments.target_images import make_renderer\ndef start(): make_renderer('pyrender').__enter__()"),
     ],
 )
 def test_without_opengl_one_line_says_what_to_install(platform, start):
@@ -171,7 +171,7 @@ except TrackerError as error:
 def test_ray_caster_does_not_load_opengl():
     code = """
 import sys
-from tracker_node.render.backends import make_renderer
+from tracker_node.experiments.target_images import make_renderer
 with make_renderer("raycaster") as renderer:
     print(sorted({"pyrender", "OpenGL"} & set(sys.modules)), hasattr(renderer, "render_color"))
 """

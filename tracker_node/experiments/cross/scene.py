@@ -63,7 +63,7 @@ class CrossScene:
         Parameters
         ----------
         trial : the throw.
-        backend : renderer, of `render.backends`.
+        backend : renderer, of `target_images.BACKENDS`.
 
         Returns
         -------
