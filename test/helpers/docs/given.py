@@ -355,7 +355,10 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/own_data.md", "A robot"): ((robot,), ()),
     ("docs/results.md", "Evaluate"): ((arm_runs, arm_live, arm_truth), ()),
     ("docs/results.md", "Export"): ((person_run,), ()),
-    ("docs/studio.md", "Studio: set a pose, digitize, play back, watch"): ((arm_runs, arm_truth, control_points, new_recording), ()),
+    ("docs/studio.md", "Studio: set a pose, digitize, play back, watch"): (
+        (arm_runs, arm_truth, control_points, new_recording),
+        (),
+    ),
     ("docs/tracking.md", "Choose what is compared"): ((arm,), GRAPH),
     ("docs/tracking.md", "Several bodies"): ((two_bodies,), ()),
     ("docs/tracking.md", "Start without a pose"): ((arm,), ()),
