@@ -183,6 +183,14 @@ def robot(place: Place) -> None:
     shipped_files(place)
 
 
+def new_recording(place: Place) -> None:
+    """The folder of a recording that nothing has been made of yet."""
+    for camera in load_rig(place.folder / "rig.yaml"):
+        (place.folder / "walk/videos").mkdir(parents=True, exist_ok=True)
+        images = sorted((place.folder / camera.name).glob("*.png"))
+        write_video(place.folder / f"walk/videos/{camera.name}.mp4", images)
+
+
 def lab(place: Place) -> None:
     """Videos with a calibration of Qualisys, and the true joints as a C3D file."""
     person = place.shelf.person
@@ -347,7 +355,10 @@ GIVEN: dict[tuple[str, str], tuple[tuple[Callable[[Place], None], ...], tuple[st
     ("docs/own_data.md", "Track them"): ((trials,), ()),
     ("docs/results.md", "Evaluate"): ((arm_runs, arm_live, arm_truth), ()),
     ("docs/results.md", "Export"): ((person_run,), ()),
-    ("docs/studio.md", "Studio: set a pose, digitize, play back, watch"): ((arm_runs, arm_truth, control_points), ()),
+    ("docs/studio.md", "Studio: set a pose, digitize, play back, watch"): (
+        (arm_runs, arm_truth, control_points, new_recording),
+        (),
+    ),
     ("docs/tracking.md", "Choose what is compared"): ((arm,), GRAPH),
     ("docs/tracking.md", "Several bodies"): ((two_bodies,), ()),
     ("docs/tracking.md", "Start without a pose"): ((arm,), ()),

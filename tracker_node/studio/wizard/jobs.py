@@ -66,21 +66,16 @@ class Jobs:
 
     def cancel(self) -> None:
         """End what runs, as Ctrl-C does; what it has written whole stays."""
-        self._canceled = True
-        process = self._process
-        if process is None or process.poll() is not None:
-            return
-        os.killpg(process.pid, signal.SIGINT)
-        try:
-            process.wait(_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-
-    def close(self) -> None:
-        """Cancel, and wait."""
-        self.cancel()
-        if self._thread is not None:
-            self._thread.join(_PATIENCE_S)
+        with self._lock:  # a command begins before, and is ended, or never
+            self._canceled, process, thread = True, self._process, self._thread
+        if process is not None and process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+            try:
+                process.wait(_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+        if thread is not None:
+            thread.join(_PATIENCE_S)
 
     def facts(self) -> dict[str, Any]:
         """What a page shows of it."""
@@ -101,23 +96,26 @@ class Jobs:
         for command, text in zip(commands, shown, strict=True):
             self._command = text
             self._lines.append(f"$ {text}")
-            if self._canceled or not self._do(command):
+            if not self._do(command):
                 break
         self._ended()
 
     def _do(self, command: Sequence[str]) -> bool:
         """Whether the command ends well."""
-        self._process = subprocess.Popen(
-            [sys.executable, *COMMAND, *command],
-            cwd=self._folder,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-        )
+        with self._lock:
+            if self._canceled:
+                return False
+            self._process = subprocess.Popen(
+                [sys.executable, *COMMAND, *command],
+                cwd=self._folder,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+            )
         assert self._process.stdout is not None
         last = ""
         with self._process.stdout as lines:

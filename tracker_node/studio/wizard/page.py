@@ -51,7 +51,7 @@ class WizardPage:
         self._folder = session.files.new
         self._jobs = None if self._folder is None else Jobs(self._folder, reopen)
         if self._jobs is not None:
-            session.closing.callback(self._jobs.close)
+            session.closing.callback(self._jobs.cancel)
 
     def _needed(self) -> tuple[Path, Jobs]:
         if self._folder is None or self._jobs is None:
