@@ -148,7 +148,7 @@ def run_python(code, **environment):
     ("platform", "start"),
     [
         ("nonsense", "from tracker_node.render.opengl.renderer import OpenGLContext as start"),
-        ("glx", "from tracker_node.experiments.target_images import make_renderer as make\ndef start(): make('pyrender').__enter__()"),
+        ("glx", f"from {make_renderer.__module__} import make_renderer\ndef start(): make_renderer('pyrender').__enter__()"),
     ],
 )
 def test_without_opengl_one_line_says_what_to_install(platform, start):
