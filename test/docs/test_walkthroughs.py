@@ -168,7 +168,7 @@ def edits_of_the_tutorial(sample: dict[str, Path]) -> Callable[[Block], None]:
         rig = Path(written[-1]) if written else rig
         if block.text.startswith("tracker_node sample"):
             cut_short(sample)
-        elif re.match(r" *(pixel_map|background):", block.text):
+        elif re.match(r" *background:", block.text):
             assert rig is not None
             edited(rig, block.text)
         elif block.text.startswith("rig: "):
@@ -188,14 +188,11 @@ def cut_short(sample: dict[str, Path]) -> None:
 
 
 def edited(rig: Path, block: str) -> None:
-    """What the tutorial asks for to be added to a rig: lines for the narrow cameras, or a plate for each."""
+    """What the tutorial asks for to be added to each camera of a rig."""
     values = yaml.safe_load(rig.read_text())
-    addition = yaml.safe_load(block)
-    for number, (name, camera) in enumerate(values["cameras"].items(), 1):
-        if "background" in addition:
-            camera["background"] = addition["background"].replace("01", f"{number:02}")
-        elif name in ("cam_01", "cam_02"):
-            camera.update(addition)
+    background = yaml.safe_load(block)["background"]
+    for number, camera in enumerate(values["cameras"].values(), 1):
+        camera["background"] = background.replace("01", f"{number:02}")
     rig.write_text(yaml.safe_dump(values))
 
 

@@ -70,5 +70,5 @@ def test_what_is_in_metres_already_takes_no_unit(rig_path, tmp_path, capsys):
 
 def test_a_rig_file_needs_no_import(rig_path, tmp_path, capsys):
     assert main(["rig", "import", str(rig_path), "-o", str(tmp_path / "back.yaml")]) == 2
-    assert "a rig.yaml, which needs no import" in capsys.readouterr().err
+    assert "a rig.yaml, which needs no import but --sources" in capsys.readouterr().err
     assert not (tmp_path / "back.yaml").exists()

@@ -73,3 +73,13 @@ def test_what_is_wrong_is_one_line(tmp_path, capsys, arguments, said):
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and said in error
     assert not (tmp_path / "rig.yaml").exists()
+
+
+def test_a_rig_that_was_mended_gets_its_videos(tmp_path):
+    rig = circle_rig(2)
+    write_rig_file(rig_file_of(rig), tmp_path / "mended.yaml")
+    sources = str(tmp_path / "{name}.mp4")
+    assert main(["rig", "import", str(tmp_path / "mended.yaml"), "--sources", sources, "-o", str(tmp_path / "rig.yaml")]) == 0
+    found = load_rig(tmp_path / "rig.yaml")
+    assert [camera.source for camera in found] == [str(tmp_path / f"{name}.mp4") for name in rig.names]
+    np.testing.assert_allclose(found.cameras[1].T_world_cam, rig.cameras[1].T_world_cam, atol=1e-12)

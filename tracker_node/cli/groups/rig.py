@@ -144,15 +144,16 @@ def _add_import_arguments(parser: argparse.ArgumentParser) -> None:
 def _run_import(args: argparse.Namespace) -> int:
     from ...calibration.imported import import_rig
     from ...calibration.video_pixels import parsed_choices, rig_of_videos
-    from ...loaders.rig.formats import CAMERA_INFO, TOML, detect_all
-    from ...loaders.rig.rig_yaml import build_rig, rig_file_of, write_rig_file
+    from ...loaders.rig.formats import CAMERA_INFO, RIG, TOML, detect_all
+    from ...loaders.rig.rig_yaml import build_rig, load_rig, rig_file_of, write_rig_file
 
     refuse_to_overwrite(args, args.output)
     files = args.files or args.camera_info or ([args.pose2sim] if args.pose2sim else [])
     _check_files(args, files)
     kind = CAMERA_INFO if args.camera_info else TOML if args.pose2sim else detect_all(files)
     size = None if args.size is None else size_option("--size", args.size)
-    rig = import_rig(kind, files, size, args.unit, args.like, print)
+    moves_on = kind == RIG and len(files) == 1 and args.sources  # a rig that was mended gets the videos
+    rig = load_rig(files[0]) if moves_on else import_rig(kind, files, size, args.unit, args.like, print)
     sources = sources_of_cameras(args.sources, rig.names, print)
     with_sources = tuple(replace(camera, source=sources[camera.name]) for camera in rig if camera.name in sources)
     rig = rig_of_videos(replace(rig, cameras=with_sources), parsed_choices("--pixel-map", args.pixel_map), print)
