@@ -74,7 +74,8 @@ def _load(kind: str, files: Sequence[str], size: tuple[int, int] | None, like: s
     if kind == DLT:
         return _rig_of_dlt(files[0], size)
     if kind == RIG:
-        raise FileFormatError(files[0], "(file)", "another program's calibration", "a rig.yaml, which needs no import but --sources")
+        came = "a rig.yaml, which needs no import but --sources"
+        raise FileFormatError(files[0], "(file)", "another program's calibration", came)
     return {TOML: load_pose2sim, QUALISYS: load_qualisys}[kind](files[0])
 
 
