@@ -19,7 +19,7 @@ from .tracker import Tracker
 
 _WIDTH_PX = 160
 _SCENE_BGR = (90, 110, 100)
-_SETS = 2  # the first image set of a body, and one with a prediction
+_SETS = 3  # the first image set of a body, one with a prediction, and one after whose neighbors cameras are compared
 
 
 def warm_up(
