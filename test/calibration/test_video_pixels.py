@@ -114,3 +114,11 @@ def test_cameras_without_a_recording_stay(camera, tmp_path):
     sources = {"b": "v4l2:/dev/video0", "c": str(tmp_path / "no.mp4")}
     cameras = (camera, *(replace(camera, name=name, source=source) for name, source in sources.items()))
     assert rig_of_videos(CameraRig(cameras), {}, print).cameras == cameras
+
+
+def test_a_choice_that_nothing_needs_is_refused(camera, tmp_path):
+    with pytest.raises(CalibrationError, match=r"cam01.*a recording that is there"):
+        rig_of_videos(CameraRig((replace(camera, source=None),)), {"cam01": "cut"}, print)
+    same = replace(camera, source=film(tmp_path / "cam01.mp4", gray(640, 480)))
+    with pytest.raises(CalibrationError, match="the size of the calibration"):
+        rig_of_videos(CameraRig((same,)), {"cam01": "cut"}, print)

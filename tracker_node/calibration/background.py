@@ -52,7 +52,7 @@ class Background:
     known: np.ndarray
     moving: float = 1.0
 
-    def doubt(self, most_unknown: float = MOST_UNKNOWN) -> str:
+    def doubt(self, most_unknown: float) -> str:
         """Why a background that was made from the recording alone is not to be relied on; empty where it is.
 
         Parameters

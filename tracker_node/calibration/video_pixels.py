@@ -111,13 +111,15 @@ def rig_of_videos(rig: CameraRig, chosen: Mapping[str, str], tell: Callable[[str
 
     Raises
     ------
-    CalibrationError : a camera whose images fit in several ways, or in none; naming them.
+    CalibrationError : a camera whose images fit in several ways, or in none; naming them. A choice that no recording needs.
     """
     for name, kind in chosen.items():
         if name not in rig.names:
             raise UnknownNameError("camera", name, rig.names)
         if kind not in KINDS:
             raise UnknownNameError("pixel map", kind, KINDS)
+        if not _is_there(rig[name].source):
+            raise CalibrationError(name, f"expected a recording that is there beside the pixel map '{kind}'")
     cameras = [camera_of_video(c, chosen.get(c.name), tell) if _is_there(c.source) else c for c in rig]
     return replace(rig, cameras=tuple(cameras))
 
@@ -138,6 +140,9 @@ def camera_of_video(camera: Camera, chosen: str | None, tell: Callable[[str], No
     source = open_camera_source_of_any_size(camera)
     old, new = (camera.model.width, camera.model.height), (source.native_width, source.native_height)
     if old == new:
+        if chosen:
+            expected = "its images have the size of the calibration: expected no pixel map"
+            raise CalibrationError(camera.name, f"{expected}, got '{chosen}'")
         return camera
     fits = _chosen(camera.name, chosen, old, new) if chosen else pixel_fits(old, new, rotation_of(source), first_images(source))
     if len(fits) != 1:

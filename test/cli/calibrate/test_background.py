@@ -133,3 +133,8 @@ def test_what_is_not_to_be_relied_on_gets_no_background(rig_path, tmp_path, caps
     said = capsys.readouterr()
     assert "nothing moves in its images" in said.out and "no background is to be relied on" in said.err
     assert run(rig_path, "--images", "8", "--most-unknown", "101") == 2
+
+
+def test_how_much_may_be_unknown_says_nothing_beside_images_of_all_of_it(rig_path, tmp_path, capsys):
+    assert run(rig_path, "--images", "8", "--background-images", str(tmp_path), "--most-unknown", "3") == 2
+    assert "--most-unknown" in capsys.readouterr().err and not (tmp_path / "backgrounds").exists()

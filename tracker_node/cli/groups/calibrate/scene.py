@@ -21,9 +21,9 @@ def _add_background_arguments(parser: argparse.ArgumentParser) -> None:
         " recordings, such as background/cam01.png or cam01_empty.mp4)",
     )
     parser.add_argument(
-        "--most-unknown", type=float, default=5.0, metavar="PERCENT",
+        "--most-unknown", type=float, metavar="PERCENT",
         help="without such an image: how much of it may never settle in the recording; a camera with more gets no background"
-        " (default: %(default)s)",
+        " (default: 5)",
     )  # fmt: skip
     parser.add_argument(
         "--images", type=int, default=25, metavar="N", help="images of each recording to look at (default: %(default)s)"
@@ -34,13 +34,17 @@ def _add_background_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_background(args: argparse.Namespace) -> int:
-    from ....calibration.background import build_backgrounds, images_beside, with_backgrounds, write_image
+    from ....calibration.background import MOST_UNKNOWN, build_backgrounds, images_beside, with_backgrounds, write_image
     from ....errors import CalibrationError
     from ....loaders.rig.rig_yaml import build_rig, read_rig_file, write_rig_file
 
     if args.images < 3:
         raise FileFormatError("command line", "--images", "at least 3", args.images)
-    if not 0.0 <= args.most_unknown <= 100.0:
+    if args.most_unknown is not None and args.background_images:
+        expected = "none with --background-images, which show all of it"
+        raise FileFormatError("command line", "--most-unknown", expected, args.most_unknown)
+    most_unknown = MOST_UNKNOWN if args.most_unknown is None else 0.01 * args.most_unknown
+    if not 0.0 <= most_unknown <= 1.0:
         raise FileFormatError("command line", "--most-unknown", "0 to 100 percent", args.most_unknown)
     rig_file, base = read_rig_file(args.rig), Path(args.rig).parent
     rig = build_rig(rig_file, base)
@@ -54,7 +58,7 @@ def _run_background(args: argparse.Namespace) -> int:
         unknown, alone = 100.0 * (1.0 - float(background.known.mean())), args.background_images or name in found
         rest = "from its image alone" if alone else "not known, somebody is there too often"
         print(f"{name}: {unknown:.1f} % of the background {rest}", flush=True)
-        doubt = "" if alone else background.doubt(0.01 * args.most_unknown)
+        doubt = "" if alone else background.doubt(most_unknown)
         if doubt:
             print(f"note: {name} gets no background: {doubt}; put an image of it beside the videos, background/{name}.png")
         else:
