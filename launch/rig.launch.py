@@ -15,7 +15,7 @@ from tracker_node.ros.launch_files import BAG_CLOSED, SWITCH, argument, included
 SHARED = ("rig", "namespace", "use_sim_time")
 TRACKER = (
     *(*SHARED, "model", "initial_state", "occluders", "params_file", "calibration", "topics"),
-    *("name", "frame_prefix", "link_frames", "lossless", "joint_states"),
+    *("name", "frame_prefix", "link_frames", "lossless", "joint_states", "keypoints"),
 )
 INGEST = (*SHARED, "rate", "shrink", "loop", "topics")
 DETECTOR = (*SHARED, "keypoints_rate", "weights", "topics", "name")
@@ -37,7 +37,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "compression", default_value="none", choices=["none", "lz4", "zstd"], description="of the bag's messages"
         ),
-        *map(argument, ("keypoints", "keypoints_rate", "weights", "rviz")),
+        *map(argument, ("keypoints_rate", "weights", "rviz")),
         argument("layout"),
     ]
     recorder = Node(

@@ -17,6 +17,7 @@ def generate_launch_description() -> LaunchDescription:
         argument("calibration", default_value="rig"),
         *map(argument, ("name", "namespace", "frame_prefix", "link_frames", "lossless")),
         *map(argument, ("joint_states", "topics", "use_sim_time")),
+        argument("keypoints", description="a detector runs: compare its points, too, unless params_file says what is compared"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
 
@@ -32,13 +33,15 @@ def _nodes(context) -> list:
     arguments += ["--joint-states", value("joint_states")] if value("joint_states") else []
     arguments += ["--topics", *value("topics").split()] if value("topics") else []
     shared = {"use_sim_time": value("use_sim_time") == "true", "frame_prefix": value("frame_prefix")}
+    by_points = value("keypoints") == "true" and not value("params_file")
+    compared = {"modalities": ["region", "keypoints"]} if by_points else {}
     tracker = Node(
         package="tracker_node",
         executable="tracker",
         name=value("name"),
         namespace=value("namespace"),
         arguments=arguments,
-        parameters=[shared],
+        parameters=[shared | compared],
         output="screen",
     )
     if value("link_frames") == "false":

@@ -169,6 +169,13 @@ def test_what_is_started_takes_its_arguments(stand_ins, name, given, expected):
         check_runs(node)
 
 
+def test_points_of_a_detector_are_compared_unless_a_file_chooses(stand_ins):
+    given = {**BODY, "keypoints": "true"}
+    assert started_by("rig.launch.py", **given)[0].parameters["modalities"] == ["region", "keypoints"]
+    assert "modalities" not in started_by("rig.launch.py", **given, params_file="p.yaml")[0].parameters
+    assert "modalities" not in started_by("rig.launch.py", **BODY)[0].parameters
+
+
 @pytest.mark.parametrize(("name", "given", "writer"), [
     ("rig", {**BODY, "bag": "out/bag"}, "recorder"), ("pipeline", BODY, "pipeline"), ("demo", {"rviz": "false"}, "tracker_node"),
 ])  # fmt: skip

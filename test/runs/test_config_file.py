@@ -1,8 +1,12 @@
 import pytest
 
-from tracker_node.errors import FileFormatError
-from tracker_node.runs.config_file import dump_config, load_config
-from tracker_node.tracking.config import TrackerConfig
+from tracker_node.errors import FileFormatError, TrackerError
+from tracker_node.model.humans.human import human_model
+from tracker_node.model.humans.keypoints import is_person
+from tracker_node.runs import config_file
+from tracker_node.runs.config_file import config_for, dump_config, load_config
+from tracker_node.synthesis.subjects.figure import figure_model
+from tracker_node.tracking.config import KEYPOINTS, REGION, TrackerConfig
 
 
 def load(tmp_path, text):
@@ -53,3 +57,38 @@ def test_errors_name_file_and_parameter(tmp_path, text, field):
         load(tmp_path, text)
     assert error.value.field == field
     assert "tracker.yaml" in str(error.value)
+
+
+@pytest.fixture
+def detector(monkeypatch):
+    monkeypatch.setattr(config_file, "usable_weights", lambda: None)
+
+
+def test_people_are_compared_by_points_too(detector):
+    human, thing = human_model(), figure_model()
+    assert not is_person(thing)
+    assert config_for(None, human).modalities == (REGION, KEYPOINTS)
+    assert config_for(None, thing).modalities == (REGION,)
+    assert config_for(None, thing, has_points=True).modalities == (REGION, KEYPOINTS)
+
+
+def test_a_file_that_chooses_modalities_is_obeyed(tmp_path, detector):
+    (tmp_path / "p.yaml").write_text("modalities: [region]\n")
+    assert config_for(tmp_path / "p.yaml", human_model(), has_points=True).modalities == (REGION,)
+    (tmp_path / "q.yaml").write_text("region: {repeats: 3}\n")
+    config = config_for(tmp_path / "q.yaml", human_model())
+    assert config.modalities == (REGION, KEYPOINTS) and config.region.repeats == 3
+    (tmp_path / "r.yaml").write_text("color: {learn_colors: true}\n")
+    with pytest.raises(FileFormatError, match=r"r\.yaml: field .color\.learn_colors.: expected modalities with color"):
+        config_for(tmp_path / "r.yaml", human_model())
+
+
+def test_without_the_detector_people_go_by_outlines_and_are_told_why(monkeypatch):
+    def missing():
+        raise TrackerError("no weights here")
+
+    monkeypatch.setattr(config_file, "usable_weights", missing)
+    told = []
+    assert config_for(None, human_model(), tell=told.append).modalities == (REGION,)
+    assert told == ["outlines alone, without points of people: no weights here"]
+    assert config_for(None, human_model(), has_points=True, tell=told.append).modalities == (REGION, KEYPOINTS) and len(told) == 1

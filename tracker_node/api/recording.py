@@ -15,12 +15,11 @@ from ..loaders.model.model_yaml import load_model
 from ..loaders.model.state_yaml import load_state
 from ..loaders.recording_yaml import FILES, JoiningEntry, JointStatesEntry, RecordingFile, load_recording
 from ..loaders.rig.rig_yaml import load_rig
-from ..runs.config_file import load_config
+from ..runs.config_file import config_for
 from ..runs.joint_states import JointStateFile
 from ..runs.offline import JoiningRun, OfflineRun, Recording
 from ..runs.people.detection import DetectionOptions
 from ..runs.people.recorded import PointFiles
-from ..tracking.config import TrackerConfig
 from ..tracking.together.joining import USUAL, JoiningOptions
 
 
@@ -136,7 +135,7 @@ def recording_of(file: RecordingFile) -> Recording:
     return Recording(
         rig=rig.subset(file.cameras) if file.cameras else rig,
         model=model,
-        config=load_config(file.config) if file.config else TrackerConfig(),
+        config=config_for(file.config, model, points.files is not None),
         initial_state=load_state(file.initial_state, model) if file.initial_state else None,
         occluders=load_model(file.occluders) if file.occluders else None,
         images=SourceOptions(images.start, images.end, rate_hz=images.rate_hz, size=images.resize, shrink=images.shrink),

@@ -16,13 +16,17 @@ from .arguments.runs import add_person_argument, named_options, nothing_tracked,
 from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ..camera.rig import CameraRig
     from ..loaders.images.source import SourceOptions
     from ..loaders.recording_yaml import RecordingFile
+    from ..model.articulated import ArticulatedModel
     from ..runs.joint_states import JointStateFile
     from ..runs.offline import JoiningRun, OfflineRun
     from ..runs.people.detection import DetectionOptions
     from ..runs.people.recorded import PointFiles
+    from ..tracking.config import TrackerConfig
 
 SUMMARY = "track recorded images (videos, folders or a bag) without ROS; write a bag, CSV files and run.json"
 EXAMPLE = """tracker_node track --rig rig.yaml --model person.yaml --initial-state start.yaml --output out/run1
@@ -36,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", type=Path, metavar="FILE", help="rig.yaml: cameras, and the videos or folders they read")
     parser.add_argument("--model", type=Path, metavar="FILE", help="the body: model.yaml, URDF or name (gait_human)")
     parser.add_argument(
-        "--config", type=Path, metavar="FILE", help="tracker parameters, the same file as for the node (default: built in)"
+        "--config", type=Path, metavar="FILE",
+        help="tracker parameters, the same file as for the node (default: built in; of people, region and keypoints)",
     )
     parser.add_argument(
         "--initial-state", type=Path, metavar="FILE",
@@ -133,9 +138,9 @@ def run(args: argparse.Namespace) -> int:
         told.append(sentence)
         print(f"track: {sentence}", file=sys.stderr, flush=True)
 
-    runs = {name: _offline_run(own, rig) for name, (own, _) in bodies.items()}
+    runs = {name: _offline_run(own, rig, tell) for name, (own, _) in bodies.items()}
     outputs = {name: own.output for name, (own, _) in bodies.items()}
-    joining = _joining(args, recording, rig)
+    joining = _joining(args, recording, rig, tell)
     summaries = run_together(runs, outputs, None if args.quiet else _Progress(), tell, joining)
     statuses = []
     for name in (name for name in summaries if name not in bodies):
@@ -159,20 +164,18 @@ def run(args: argparse.Namespace) -> int:
     return next((status for status in statuses if status), 0)
 
 
-def _offline_run(args: argparse.Namespace, rig: CameraRig) -> OfflineRun:
+def _offline_run(args: argparse.Namespace, rig: CameraRig, tell: Callable[[str], None]) -> OfflineRun:
     """What the command line asks of one body."""
     from ..loaders.keypoints.table import load_keypoint_table
     from ..loaders.model.model_yaml import load_model
     from ..loaders.model.state_yaml import load_state
-    from ..runs.config_file import load_config
     from ..runs.offline import OfflineRun
-    from ..tracking.config import TrackerConfig
 
     model = load_model(args.model)
     return OfflineRun(
         rig=rig,
         model=model,
-        config=load_config(args.config) if args.config else TrackerConfig(),
+        config=_config(args, model, tell),
         initial_state=load_state(args.initial_state, model) if args.initial_state else None,
         occluders=load_model(args.occluders) if args.occluders else None,
         bag=args.from_run_bag or args.bag,
@@ -191,7 +194,9 @@ def _offline_run(args: argparse.Namespace, rig: CameraRig) -> OfflineRun:
     )
 
 
-def _joining(args: argparse.Namespace, recording: RecordingFile | None, rig: CameraRig) -> JoiningRun | None:
+def _joining(
+    args: argparse.Namespace, recording: RecordingFile | None, rig: CameraRig, tell: Callable[[str], None]
+) -> JoiningRun | None:
     """People who may join."""
     from ..api.recording import joining_run
     from ..tracking.together.joining import USUAL
@@ -199,8 +204,19 @@ def _joining(args: argparse.Namespace, recording: RecordingFile | None, rig: Cam
     own = of_those_who_join(args, recording)
     if own is None or recording is None or recording.joining is None:
         return None
-    run = _offline_run(own, rig)
+    run = _offline_run(own, rig, tell)
     return joining_run(recording.joining, run if own.config else replace(run, config=USUAL), args.output)
+
+
+def _config(args: argparse.Namespace, model: ArticulatedModel, tell: Callable[[str], None]) -> TrackerConfig:
+    """Parameters of the file; without one, of the run that is made again, or what suits the body."""
+    from ..runs.config_file import config_for
+    from ..runs.images import config_of_run
+    from ..runs.load import run_info
+
+    if args.from_run_bag is not None and args.config is None:
+        return config_of_run(run_info(args.from_run_bag))
+    return config_for(args.config, model, args.keypoints is not None, tell)
 
 
 def _as_that_run(args: argparse.Namespace) -> None:

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
@@ -58,6 +58,7 @@ class PipelineOptions:
     detector : options of ``tracker_node keypoints``; None: it is not started.
     lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
     n_expected : image sets, for the progress; None if not known.
+    modalities : of the tracker, which alone has no detector and compares outlines.
     ros_args : given to every process.
     folder : of the run, for ``run.json``; None: it is not written.
     summary : what ``run.json`` says from the beginning.
@@ -78,6 +79,7 @@ class PipelineOptions:
     detector: list[str] | None = None
     lossless: bool = True
     n_expected: int | None = None
+    modalities: Sequence[str] = ()
     ros_args: list[str] = field(default_factory=list)
     folder: Path | None = None
     summary: dict[str, Any] = field(default_factory=dict)
@@ -187,7 +189,8 @@ class Pipeline:
             listeners += [f"{of}{name}=1" for of in options.prefixes for name in options.recorded_names() if name != "state"]
         lossless = ["--lossless"] if options.lossless else []
         tracker = ["tracker", *options.body, *lossless, "--end-on-failure", "--wait-for", *listeners]
-        self._children["tracker"] = Child([*tracker, *options.ros_args])
+        chosen = ["--ros-args", "-p", f"modalities:=[{', '.join(options.modalities)}]", "--"] if options.modalities else []
+        self._children["tracker"] = Child([*tracker, *chosen, *options.ros_args])
         if options.detector is not None:
             arguments = ["keypoints", *options.detector, *options.ros_args]
             self._children["keypoints"] = Child(arguments, self._on_detector_line)

@@ -6,18 +6,22 @@ Files of version 0.1 under the present names; its bags and runs are refused wher
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import FileFormatError
+from ..errors import FileFormatError, TrackerError
+from ..loaders.fetched_files import usable_weights
 from ..loaders.file_model import BODY, PARAMETERS, RECORDING, RIG, FileModel, check_kind, kind_of, validate
 from ..loaders.model.model_file import ModelFile
 from ..loaders.recording_yaml import RecordingFile
 from ..loaders.rig.rig_yaml import RigFile
 from ..loaders.whole_file import read_text, write_whole
 from ..loaders.yaml_file import read_mapping, write_mapping
-from ..tracking.config import TrackerConfig, describe, flatten, from_dict
+from ..model.articulated import ArticulatedModel
+from ..model.humans.keypoints import is_person
+from ..tracking.config import KEYPOINTS, REGION, TrackerConfig, describe, flatten, from_dict
 from ..tracking.parameters import nested
 from ..tracking.renamed import CHOICES, RENAMED, REPRESENTATIONS, flat
 
@@ -36,6 +40,41 @@ def load_config(path: str | Path) -> TrackerConfig:
     FileFormatError : naming file and parameter, the range or the choices, and the value.
     """
     return from_dict(load_parameters(path), str(path))
+
+
+def config_for(
+    path: str | Path | None, model: ArticulatedModel, has_points: bool = False, tell: Callable[[str], None] = warnings.warn
+) -> TrackerConfig:
+    """`load_config` for a body whose points a run finds or has; ``modalities`` that the file leaves out suit it.
+
+    Outlines alone lose the arms of people in clothes like the room: people are compared by region and keypoints wherever their
+    points can be had.
+
+    Parameters
+    ----------
+    path : of the file; None: there is none.
+    model : the body.
+    has_points : the run is given points, whatever the body is.
+    tell : called with why people go without points.
+
+    Returns
+    -------
+    The configuration.
+
+    Raises
+    ------
+    FileFormatError : as `load_config`.
+    """
+    source, values = (str(path), load_parameters(path)) if path else ("tracker config", {})
+    if "modalities" in values or not (has_points or is_person(model)):
+        return from_dict(values, source)
+    if not has_points:
+        try:
+            usable_weights()
+        except TrackerError as error:
+            tell(f"outlines alone, without points of people: {error}")
+            return from_dict(values, source)
+    return from_dict({"modalities": [REGION, KEYPOINTS], **values}, source)
 
 
 def dump_config(config: TrackerConfig, path: str | Path) -> None:

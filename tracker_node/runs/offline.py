@@ -31,6 +31,7 @@ from ..tracking.together.bodies import Bodies, shared_threads
 from ..tracking.together.joining import Joining, JoiningOptions
 from ..tracking.tracker import Tracker
 from ..tracking.uncertainty.covariance import unobservable
+from .config_file import config_for
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import JOINED_AFTER, run_stream
 from .joint_states import JointStateFile, check_use, load_joint_states, with_joint_states
@@ -52,7 +53,7 @@ class Recording:
     ----------
     rig : cameras with their lenses, places and sources (videos, image folders, bags).
     model : body to track.
-    config : parameters of the tracker.
+    config : parameters of the tracker; left out: those of `config_for`, by which people are compared by points, too.
     initial_state : where the body is in the first images; None: it is searched for in them.
     occluders : fixed things that may hide the body, in world axes.
     images : which images of the sources, at which rate and size.
@@ -73,7 +74,7 @@ class Recording:
 
     rig: CameraRig
     model: ArticulatedModel
-    config: TrackerConfig = field(default_factory=TrackerConfig)
+    config: TrackerConfig = None  # type: ignore[assignment]
     initial_state: State | None = None
     occluders: ArticulatedModel | None = None
     images: SourceOptions = field(default_factory=SourceOptions)
@@ -85,6 +86,10 @@ class Recording:
     masked_images: bool = False
     output: Path | None = None
     files: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.config is None:
+            object.__setattr__(self, "config", config_for(None, self.model, self.points is not None))
 
     def image_sets(self) -> ImageSetStream:
         """The image sets of the sources, in the order of their stamps; iterate over them once.

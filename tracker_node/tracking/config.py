@@ -83,7 +83,7 @@ class RegionConfig:
     least_sigma_px: float = parameter(0.2, "the least that it is taken for", "px", 0.0, 100)
     sigma_rate: float = parameter(0.3, "weight of the newest image set in what it is taken for; 0 keeps it", "1", 0.0, 1.0)
     robust_sigmas: float = parameter(3.0, "scale of the robust kernel, in standard deviations of a line", "1", 0.1, 1000)
-    correlation: float = parameter(4.0, "how many neighboring lines share one error, for the covariance", "lines", 1, 1000)
+    correlation: float = parameter(4.0, "how many neighboring lines count as one, beside priors", "lines", 1, 1000)
     color_rate: float = parameter(0.05, "weight of the newest image in the color histograms", "1", 0, 1)
     color_prior: float = parameter(
         0.3, "weight of the model's stated color in a part's, where the images bear it out; 0: learned colors only", "1", 0, 1

@@ -60,7 +60,8 @@ class SmallTrackers:
 
     Parameters
     ----------
-    plated : cameras with images of the empty scene.
+    rig, model : of the trackers.
+    with_background : names of cameras with an image of the empty scene.
     """
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, with_background: Sequence[str]):

@@ -73,5 +73,6 @@ def write_recording(folder: Path, n_sets: int) -> Path:
         dump_state(states(0)[name], model, folder / f"{name}_start.yaml")
     bodies = [f"  {name}: {{model: {name}.yaml, initial_state: {name}_start.yaml}}" for name in MODELS]
     path = folder / "recording.yaml"
-    path.write_text("\n".join(["rig: rig.yaml", "output: out", "images: {rate_hz: 30}", "bodies:", *bodies]) + "\n")
+    (folder / "tracker.yaml").write_text("modalities: [region]\n")  # a network does not know what is drawn so
+    path.write_text("\n".join(["rig: rig.yaml", "output: out", "config: tracker.yaml", "images: {rate_hz: 30}", "bodies:", *bodies]) + "\n")
     return path

@@ -86,7 +86,7 @@ REFUSED = [
     ({"region__scales": "wide"}, "region.scales"),
     ({"modalities": ["guess"]}, "color_over_background"),  # the valid ones
     ({"engine": "color"}, "modalities"),  # an earlier version's
-    ({"chamfer__max_iterations": 3}, "chamfer"),  # of a modality that is not in use
+    ({"chamfer__max_iterations": 3}, "modalities with chamfer"),  # of a modality that is not in use
     ({"modalities": ["texture"]}, "no box with a texture"),  # does not suit the body
     ({"cameras": ["cam1", "cam9"]}, "cam9"),
     ({"cameras": ["cam1", "cam1"]}, "each once"),

@@ -34,7 +34,7 @@ def _run_recording(args: argparse.Namespace) -> int:
     from ...loaders.model.state_yaml import load_state
     from ...loaders.recording_yaml import PARAMETERS, write_recording
     from ...loaders.rig.rig_yaml import load_rig
-    from ...model.humans.keypoints import BLAZEPOSE
+    from ...model.humans.keypoints import is_person
     from ...tracking.config import TrackerConfig
 
     folder = args.output.parent
@@ -43,8 +43,7 @@ def _run_recording(args: argparse.Namespace) -> int:
     if args.initial_state is not None:
         load_state(args.initial_state, model)
     period_s = float(np.median([1.0 / open_camera_source(camera).rate_hz for camera in rig]))
-    person = any(point.landmark in model.landmark_names for point in BLAZEPOSE.values())
-    modalities = tuple(args.modalities or (_POINTS if person else _CONTOURS))
+    modalities = tuple(args.modalities or (_POINTS if is_person(model) else _CONTOURS))
     TrackerConfig(modalities=modalities)
     named = {"rig": args.rig, "model": args.model, "initial_state": args.initial_state, "output": args.run}
     files = {name: relpath(path, folder) for name, path in named.items() if path is not None}

@@ -97,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
     options = PipelineOptions(
         bodies=bodies,
         body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
+        modalities=config.modalities,
         source=_source_options(args),
         sources=dict(args.source),
         cameras=tuple(opened.cameras),
@@ -163,7 +164,8 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
     from ...loaders.images.source import load_backgrounds
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
-    from ...runs.config_file import load_config
+    from ...model.humans.keypoints import is_person
+    from ...runs.config_file import config_for, load_config
     from ...tracking.config import TrackerConfig
     from ...tracking.together.joining import USUAL
 
@@ -172,9 +174,9 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
         load_model(entry.model)
         if entry.config is not None:
             raise FileFormatError(args.recording, "joining.config", "nothing: a graph has one set of parameters", entry.config)
-    config = load_config(args.config) if args.config else TrackerConfig() if entry is None else USUAL
+    models = []
     for name, (own, _) in by_body(args, recording).items():
-        model = load_model(own.model)
+        models.append(model := load_model(own.model))
         own_config = recording.bodies[name].config if recording is not None and name else None
         if own_config is not None:
             expected = "nothing: a graph has one set of parameters"
@@ -184,7 +186,11 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
     if args.occluders:
         load_model(args.occluders)
     load_backgrounds(rig)
-    return config
+    if entry is not None:
+        return load_config(args.config) if args.config else USUAL
+    if args.keypoints != "off" and all(map(is_person, models)):
+        return config_for(args.config, models[0], tell=lambda _: None)
+    return load_config(args.config) if args.config else TrackerConfig()
 
 
 def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:

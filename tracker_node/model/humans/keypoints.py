@@ -198,6 +198,11 @@ TABLES: dict[str, KeypointTable] = {
 """Name of a detector -> its table."""
 
 
+def is_person(model: ArticulatedModel) -> bool:
+    """Whether a body has the face, shoulders and hips of a person, whose points the built-in detector finds."""
+    return {"nose", "left_shoulder", "right_shoulder", "left_hip", "right_hip"} <= set(model.landmark_names)
+
+
 def table_of(names: Iterable[str]) -> KeypointTable:
     """The built-in table that belongs to a detector's points: the largest of which the detector has every point.
 

@@ -175,7 +175,7 @@ def draw_lines(
 def linearize_lines(lines, info, n, Ts_link, camera, options, normal, gradient, stats):
     """Add one camera's lines to the normal matrices of its links.
 
-    Residuals are divided by their variance (that of the distribution and the model's own), robustly (Geman-McClure at
+    Squared residuals are divided by their variance (that of the distribution and the model's own), robustly (Geman-McClure at
     ``options[ROBUST]`` standard deviations), and count as one in ``options[CORRELATION]``.
 
     Parameters

@@ -248,7 +248,8 @@ class TrackerNode(ManagedNode):
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """As rclpy has it, but unknown parameters are named, and modalities can be set together with their parameters."""
         with self._parameters_of_node.declared_with(parameter_list):
-            return unknown_parameters(self, parameter_list) or super().set_parameters_atomically(parameter_list)
+            refused = self._parameters_of_node.without_effect(parameter_list) or unknown_parameters(self, parameter_list)
+            return refused or super().set_parameters_atomically(parameter_list)
 
     def _setup(self, config: TrackerConfig, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None) -> TrackingSetup:
         self._maker.prepare(cameras, config)

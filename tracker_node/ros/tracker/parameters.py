@@ -160,6 +160,16 @@ class ConfigParameters:
             self._declaring = False
             self._redeclare(self.config)
 
+    def without_effect(self, parameters: Sequence[Parameter]) -> SetParametersResult | None:
+        """Refusal of the first parameter of a modality that is not in use, by the modalities that it belongs to."""
+        try:
+            for parameter in parameters:
+                if parameter.name in self._known and not self._node.has_parameter(parameter.name):
+                    refuse_unused(self.config, parameter.name, parameter.value, self._source)
+        except FileFormatError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return None
+
     def _redeclare(self, config: TrackerConfig, keep: bool = False) -> None:
         """There are the parameters of the modalities in use, and no others unless they are to be kept."""
         now, described = flatten(config), describe(config)

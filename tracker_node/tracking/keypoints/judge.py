@@ -1,4 +1,4 @@
-"""Assessment of fits to detected points: limb by limb, by the points on them."""
+"""Assessment of fits to detected points alone: the whole body, by the share of points that are no outliers."""
 
 from __future__ import annotations
 

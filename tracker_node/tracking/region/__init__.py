@@ -1,4 +1,4 @@
-"""Tracking by regions, the default: fit of correspondence lines, search for lost limbs, confidence in limbs.
+"""Tracking by regions: fit of correspondence lines, search for lost limbs, confidence in limbs.
 
 Begin with `modality` and `fitting`; `judge` assesses a fit, `reacquisition` finds again what is lost.
 """
