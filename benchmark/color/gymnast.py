@@ -106,7 +106,7 @@ def track(folder: Path, key: str, args: argparse.Namespace) -> Evaluation:
         if sys.stderr.isatty():
             show_progress(len(estimates), n_sets)
         if args.pictures is not None and len(estimates) % 10 == 0:
-            _draw(args.pictures / f"{folder.name}_{key}{len(estimates):03d}.jpg", image_set, estimates[-1].state, model, rig)
+            _draw(args.pictures / f"{folder.name}_{key}{len(estimates):03d}.png", image_set, estimates[-1].state, model, rig)
         if len(estimates) == n_sets:
             break
     if stream.errors:
