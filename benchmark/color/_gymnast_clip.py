@@ -124,16 +124,12 @@ class DoubleSomersault:
         """An even number: two make an image."""
         return 2 * int(self.end_s / (2.0 * FIELD_S))
 
-    def tucked(self, t: float) -> float:
-        """From 0, open, to 1."""
-        return float(PchipInterpolator(self._flight_keys, [0.0, 1.0, 1.0, 0.1, 0.0])(t))
-
     @cached_property
     def _turn(self) -> tuple[np.ndarray, np.ndarray]:
         """Times in the air, and the trunk's angle at them."""
         times = np.linspace(self.takeoff_s, self.landing_s, 2001)
         inertia = INERTIA_PIKED if self.traits.piked else INERTIA_TUCKED
-        rate = 1.0 / (1.0 - (1.0 - inertia) * np.array([self.tucked(t) for t in times]))
+        rate = 1.0 / (1.0 - (1.0 - inertia) * PchipInterpolator(self._flight_keys, [0.0, 1.0, 1.0, 0.1, 0.0])(times))
         angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(times))])
         begin, end = self._turn_ends
         return times, begin + (end - begin) * angle / angle[-1]
@@ -219,7 +215,8 @@ class DoubleSomersault:
     def _path(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Ankles before and after, (3,) each; mass center and velocity at the take-off."""
         ahead = so3.exp([0.0, 0.0, self.traits.heading]) @ [0.5 * self.traits.direction * self.traits.travel, 0.0, 0.0]
-        before, after = [0.0, 0.0, FLOOR_M] - ahead, [0.0, 0.0, FLOOR_M] + ahead
+        middle = np.array([0.0, 0.0, FLOOR_M])
+        before, after = middle - ahead, middle + ahead
         ends = [
             self._standing(t, ankles) + mass_center(self.subject, self.subject.pose(self.rotations(t), np.zeros(3)))
             for t, ankles in ((self.takeoff_s, before), (self.landing_s, after))
@@ -300,7 +297,8 @@ def film(routine: DoubleSomersault, model: ArticulatedModel, folder: Path) -> No
         for field, landmarks in enumerate(bodies):
             truth.append(round(1e9 * FIELD_S * field), landmarks)
     trial = np.repeat(routine.subject.t_pose().landmarks[None], 2, axis=0)
-    static = MarkerTrajectories(LANDMARKS, np.array([0.0, FIELD_S]), trial, 1.0 / FIELD_S, np.ones(trial.shape[:2], dtype=np.bool_))
+    valid = np.ones(trial.shape[:2], dtype=np.bool_)
+    static = MarkerTrajectories(LANDMARKS, np.array([0.0, FIELD_S]), trial, 1.0 / FIELD_S, valid)
     person = scale_to_trial(model, static, ScalingOptions(joint_sigma_m=0.0, symmetric=False)).model
     dump_model(person, folder / "person.yaml", comment="The tracker's model of the gymnast.")
     state = fit_state_to_landmarks(person, dict(zip(LANDMARKS, bodies[0], strict=True))).state
