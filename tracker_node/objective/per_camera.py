@@ -49,6 +49,20 @@ def moved_configuration(model: ArticulatedModel, state: State, offset: np.ndarra
     return configuration
 
 
+def moved_state(state: State, offset: np.ndarray | None) -> State:
+    """The state of `moved_configuration`.
+
+    Parameters
+    ----------
+    state, offset : of the body; None: it is seen in ``state``.
+
+    Returns
+    -------
+    Where a camera sees the body.
+    """
+    return state if offset is None else state.retract(offset)
+
+
 def bodies_seen(model: ArticulatedModel, state: State, offsets: Sequence[np.ndarray | None]) -> list[Configuration]:
     """The body as each camera sees it.
 

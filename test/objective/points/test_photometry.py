@@ -120,3 +120,24 @@ def test_colors_by_camera_win_over_those_of_the_model(images):
     colors = np.array([COLORS, [c[::-1] for c in COLORS]], dtype=float)
     made.set_colors(colors)
     assert made.correspond(TRUTH, 0).cost(TRUTH) < 0.3 * before
+
+
+def test_a_camera_that_is_late_sees_where_the_body_has_moved_on_to(images):
+    """What fits best, and the derivatives, are those of the state before the body moves on."""
+    offsets = [None, np.array([0.03, 0.02, -0.04, 0.1, 0.2, -0.1, 0.1, -0.2])]
+    before = TRUTH.retract(-offsets[1])  # the second camera shows it in TRUTH
+    made = SurfacePhotometry(ARM, RIG, PhotometryOptions("raw", levels=3))
+    made.set_images([None, cv2.GaussianBlur(images[1], (0, 0), 5.0)], before, 60, offsets)
+    alone = photometry([None, cv2.GaussianBlur(images[1], (0, 0), 5.0)]).correspond(TRUTH, 0)
+    late = made.correspond(before, 0, [None, TRUTH.difference(before)])
+    assert late.cost(before) == pytest.approx(alone.cost(TRUTH), rel=0.02)
+    assert made.correspond(before, 0).cost(before) > 1.5 * late.cost(before)
+    state = before.retract(np.array([0.01, -0.005, 0.008, 0.02, 0.03, -0.02, 0.05, 0.04]))
+    equations = late.linearize(state)
+
+    def half_cost(d):
+        return np.array([0.5 * late.cost(state.retract(d))])
+
+    scale = np.sqrt(np.maximum(np.diag(equations.H), 1e-9))
+    numeric, analytic = numerical_jacobian(half_cost, ARM.n_dof, 1e-4)[0] / scale, equations.g / scale
+    assert np.linalg.norm(numeric - analytic) < 0.12 * np.linalg.norm(numeric)

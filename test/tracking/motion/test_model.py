@@ -183,11 +183,14 @@ def test_cameras_of_other_instants_see_the_body_elsewhere():
     assert np.linalg.norm(later[6:]) > 1.2 * np.linalg.norm(late[6:])
 
 
-def test_a_passage_without_covariances_has_the_velocity_alone():
+def test_a_passage_without_covariances_has_the_velocity_that_the_state_gives():
     model = fed([0.0, 0.1, 0.2], MotionConfig())
     prediction = model.predict(300_000_000)
-    offset = ExposureDelays([0.0, 0.02], prediction).offsets(moving(0.7))[1]
+    offset = ExposureDelays([0.0, 0.02], prediction).offsets(prediction.state)[1]
     np.testing.assert_allclose(offset, 0.02 * model.velocity)
+    offset = ExposureDelays([0.0, 0.02], prediction).offsets(moving(0.7))[1]
+    model.update(300_000_000, moving(0.7))
+    np.testing.assert_allclose(offset[:6], 0.02 * model.velocity[:6], atol=1e-9)
 
 
 def test_what_is_said_of_a_first_set_is_expected_of_it_alone():

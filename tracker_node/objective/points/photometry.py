@@ -24,6 +24,7 @@ from ...render.raycast.raycaster import render_color, render_labels
 from ..contour_residual import assemble
 from ..gains import gains_of
 from ..normal_equations import NormalEquations
+from ..per_camera import bodies_seen, cameras_by_body, moved_state
 
 _BLUR = 1.2  # px, before every halving
 _FINEST_BLUR = 0.7  # px
@@ -32,6 +33,8 @@ _REWEIGHTED = 3  # times that gains of images are found, each with the weights o
 _LEAST_SUM = np.float32(20.0)  # of red, green and blue, for the intensity-normalized color of a dark pixel
 _WHITE = np.float32(255.0)
 
+
+Offsets = Sequence[np.ndarray | None]
 
 Picture = tuple[np.ndarray, float, float, int]
 """Features (h, w, c) float32 of a part of an image, its first column and row in the whole one, and how often that was halved."""
@@ -138,19 +141,22 @@ class SurfacePhotometry:
         else:
             self.painted = [_painted(self.model, colors) for colors in colors_rgb]
 
-    def set_images(self, images: Sequence[np.ndarray | None], expected: State, margin_px: int) -> None:
+    def set_images(
+        self, images: Sequence[np.ndarray | None], expected: State, margin_px: int, offsets: Offsets | None = None
+    ) -> None:
         """Take the images of one set.
 
         Parameters
         ----------
         images : BGR, in the order of the rig; None for a camera that gave none.
         expected, margin_px : images are processed within this margin about the body in this state.
+        offsets : of each camera, see `correspond`.
         """
-        configuration = Configuration(self.model, expected)
+        bodies = bodies_seen(self.model, expected, offsets or [None] * len(self.rig))
 
         def look(i: int) -> list | None:
             image = images[i]
-            found = None if image is None else render_labels(configuration, self.rig.cameras[i], margin_px)
+            found = None if image is None else render_labels(bodies[i], self.rig.cameras[i], margin_px)
             return None if image is None or found is None else _pyramid(image, found[0], self.options)
 
         self.pictures = self.parallel(look, list(range(len(self.rig))))
@@ -176,30 +182,32 @@ class SurfacePhotometry:
 
         return np.array(self.parallel(look, list(range(len(self.rig)))))
 
-    def correspond(self, state: State, level: int) -> SurfaceCorrespondences:
+    def correspond(self, state: State, level: int, offsets: Offsets | None = None) -> SurfaceCorrespondences:
         """Points of the surface that is seen.
 
         Parameters
         ----------
         state : of the body.
         level : of the pyramid, 0 the finest.
+        offsets : of each camera the tangent (n_dof,) from a state to where the body is when it exposes; None: where it says.
 
         Returns
         -------
         Points with the colors that they should have; they ride on the body, whatever its state.
         """
-        spacing = max(2, self.options.step << level)
+        spacing, offsets = max(2, self.options.step << level), offsets or [None] * len(self.rig)
 
         def sample(i: int) -> _Points | None:
             if self.pictures[i] is None:
                 return None
-            return _sample(self.painted[i], state, self.rig.cameras[i], self.rig, self.options, spacing)
+            seen = moved_state(state, offsets[i])
+            return _sample(self.painted[i], seen, self.rig.cameras[i], self.rig, self.options, spacing)
 
         points = self.parallel(sample, list(range(len(self.rig))))
         pictures = [None if pyramid is None else pyramid[level] for pyramid in self.pictures]
         all_links = np.ones(len(self.model.chain.links), dtype=np.bool_)
         scale = self.options.robust_scale * (1 + level)
-        return SurfaceCorrespondences(self.model, self.cameras, points, pictures, scale, all_links, self.parallel)
+        return SurfaceCorrespondences(self.model, self.cameras, points, pictures, scale, all_links, offsets, self.parallel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +220,7 @@ class SurfaceCorrespondences:
     points, pictures : of each camera, None where it shows nothing.
     robust_scale : gray levels at which a difference begins to count as something else.
     links : (n_links,) mask of those whose points count.
+    offsets : of each camera, see `SurfacePhotometry.correspond`.
     parallel : maps a function over cameras.
     """
 
@@ -221,6 +230,7 @@ class SurfaceCorrespondences:
     pictures: Sequence[Picture | None]
     robust_scale: float
     links: np.ndarray
+    offsets: Offsets
     parallel: Callable[[Callable, list], list]
 
     def on_links(self, links: np.ndarray) -> SurfaceCorrespondences:
@@ -230,15 +240,17 @@ class SurfaceCorrespondences:
     def linearize(self, state: State) -> NormalEquations:
         """Normal equations in gray levels squared."""
         chain, n_links = self.model.chain, len(self.links)
-        configuration = Configuration(self.model, state)
-        link_normal, link_gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
+        bodies, cameras = bodies_seen(self.model, state, self.offsets), self._cameras
         sums = np.zeros((len(self.cameras), N_SUMS))
-        for normal, gradient in self._run(configuration, True, sums):
-            link_normal += normal
-            link_gradient += gradient
-        mirror(link_normal)
+        found = dict(zip(cameras, self._run(bodies, True, sums), strict=True))
         H, g = np.zeros((chain.n_dof, chain.n_dof)), np.zeros(chain.n_dof)
-        assemble(link_normal, link_gradient, chain.link_moved_by, configuration.twists, H, g)
+        for together in cameras_by_body(cameras, bodies):
+            link_normal, link_gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
+            for i in together:
+                link_normal += found[i][0]
+                link_gradient += found[i][1]
+            mirror(link_normal)
+            assemble(link_normal, link_gradient, chain.link_moved_by, bodies[together[0]].twists, H, g)
         return NormalEquations(H, g, float(sums[:, COST].sum()), int(sums[:, COUNT].sum()))
 
     def camera_equations(self, state: State) -> list[None]:
@@ -252,10 +264,15 @@ class SurfaceCorrespondences:
     def sums(self, state: State) -> np.ndarray:
         """(n_cameras, `N_SUMS`), weighted by the image pixels that a point stands for."""
         sums = np.zeros((len(self.cameras), N_SUMS))
-        self._run(Configuration(self.model, state), False, sums)
+        self._run(bodies_seen(self.model, state, self.offsets), False, sums)
         return sums
 
-    def _run(self, configuration: Configuration, derivatives: bool, sums: np.ndarray) -> list:
+    @property
+    def _cameras(self) -> list[int]:
+        """Indices of those that show the body."""
+        return [i for i, mine in enumerate(self.points) if mine is not None]
+
+    def _run(self, bodies: Sequence[Configuration], derivatives: bool, sums: np.ndarray) -> list:
         n_links = len(self.links) if derivatives else 0
 
         def run(i: int) -> tuple[np.ndarray, np.ndarray]:
@@ -263,13 +280,13 @@ class SurfaceCorrespondences:
             assert mine is not None and picture is not None
             normal, gradient = np.zeros((n_links, 6, 6)), np.zeros((n_links, 6))
             add_points(
-                (mine.positions, mine.links, mine.features), self.links, configuration.Ts_world_link, self.cameras[i],
+                (mine.positions, mine.links, mine.features), self.links, bodies[i].Ts_world_link, self.cameras[i],
                 picture, self.robust_scale, derivatives, normal, gradient, sums[i],
             )  # fmt: skip
             sums[i] *= mine.area
             return mine.area * normal, mine.area * gradient
 
-        return self.parallel(run, [i for i, mine in enumerate(self.points) if mine is not None])
+        return self.parallel(run, self._cameras)
 
 
 def _kernel_camera(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -16,7 +16,8 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
-from ...objective.points.photometry import PhotometryOptions, features_of
+from ...objective.per_camera import moved_state
+from ...objective.points.photometry import Offsets, PhotometryOptions, features_of
 from ...parallel import serial
 from ...render.raycast.raycaster import render_color, render_labels
 from ..modality import Images
@@ -78,7 +79,7 @@ def _share(squares: np.ndarray, chance: np.ndarray, seen: np.ndarray) -> np.ndar
 
 def agreement_of(
     painted: Sequence[ArticulatedModel], rig: CameraRig, images: Images, state: State, options: PhotometryOptions,
-    parallel: Callable[[Callable, list], list] = serial,
+    parallel: Callable[[Callable, list], list] = serial, offsets: Offsets | None = None,
 ) -> ColorAgreement:  # fmt: skip
     """Agreement of a body with the images.
 
@@ -90,17 +91,19 @@ def agreement_of(
     state : of the body.
     options : what of a color is compared.
     parallel : maps a function over cameras.
+    offsets : of each camera the tangent (n_dof,) from ``state`` to where the body is when it exposes; None: where it says.
 
     Returns
     -------
     By camera and part.
     """
+    offsets = offsets or [None] * len(rig)
     sums = np.zeros((3, len(rig), len(painted[0].shapes)))
 
     def look(i: int) -> None:
         image = images[i]
         if image is not None:
-            _look(painted[i], rig.cameras[i], rig, image, state, options, sums[:, i])
+            _look(painted[i], rig.cameras[i], rig, image, moved_state(state, offsets[i]), options, sums[:, i])
 
     parallel(look, list(range(len(rig))))
     return ColorAgreement(*sums)

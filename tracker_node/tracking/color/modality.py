@@ -18,7 +18,7 @@ from ...model.articulated import ArticulatedModel, Shape
 from ...model.configuration import Configuration, State
 from ...model.shapes.primitives import Box, Mesh
 from ...objective.normal_equations import LeastSquaresObjective
-from ...objective.points.photometry import PhotometryOptions, SurfaceCorrespondences, SurfacePhotometry
+from ...objective.points.photometry import Offsets, PhotometryOptions, SurfaceCorrespondences, SurfacePhotometry
 from ...render.raycast.raycaster import render_color, render_labels
 from ..config import ColorOverBackgroundConfig
 from ..modality import Images, Modality, Persons
@@ -92,6 +92,7 @@ class ColorModality(Modality):
         self._learned = False
         self._gains = np.ones((len(self._rig), 3))
         self._images: Images = [None] * len(self._rig)
+        self._delays: ExposureDelays | None = None
         self._agreement: tuple[State, ColorAgreement] | None = None
 
     def _use_colors(self) -> None:
@@ -121,22 +122,26 @@ class ColorModality(Modality):
     ) -> None:
         """Blur and halve the images around the expected body."""
         self._images = [None] * len(self._rig) if expected is None else list(map(_lit, images, self._gains))
-        self._agreement = None
+        self._agreement, self._delays = None, delays
         around = State.neutral(self._model) if expected is None else expected
-        self._photometry.set_images(self._images, around, self._config.reach_px)
+        self._photometry.set_images(self._images, around, self._config.reach_px, self._offsets(around))
         if self._scores is not None:
             self._scores.set_images(self._images, expected)
 
     def correspond(self, state: State, detail: int) -> SurfaceCorrespondences:
         """Points of the surface that is seen in a state."""
-        return self._photometry.correspond(state, detail)
+        return self._photometry.correspond(state, detail, self._offsets(state))
 
     def agreement(self, state: State) -> ColorAgreement:
         """How far the colors agree in the present images; that of the last state is kept."""
         if self._agreement is None or self._agreement[0] is not state:
-            painted, parallel = self._photometry.painted, self._photometry.parallel
-            self._agreement = state, agreement_of(painted, self._rig, self._images, state, self._options, parallel)
+            painted, parallel, offsets = self._photometry.painted, self._photometry.parallel, self._offsets(state)
+            found = agreement_of(painted, self._rig, self._images, state, self._options, parallel, offsets)
+            self._agreement = state, found
         return self._agreement[1]
+
+    def _offsets(self, state: State) -> Offsets | None:
+        return None if self._delays is None else self._delays.offsets(state)
 
     def variance(self, state: State) -> float:
         """Gray levels squared of one color channel, times how many neighboring pixels share one error."""

@@ -23,12 +23,14 @@ from .dynamics import Belief, Dynamics, correct, with_positions
 class Prediction:
     """The state expected at a time, before its images are used.
 
-    ``belief`` is None after updates without information: then there is no covariance, and no prior.
+    ``belief`` is None after updates without information: then there is no covariance, and no prior, and the velocity follows the
+    state with ``gain``, 1/s.
     """
 
     state: State
     velocity: np.ndarray
     belief: Belief | None = None
+    gain: float = 0.0
 
     @property
     def covariance(self) -> np.ndarray | None:
@@ -42,7 +44,7 @@ class Prediction:
     def velocity_at(self, state: State) -> np.ndarray:
         """(n_dof,): the velocity to be expected if ``state`` is where the body is now."""
         if self.belief is None:
-            return self.velocity
+            return self.velocity + self.gain * state.difference(self.state)
         return self.velocity + self.belief.velocity_by_state @ state.difference(self.belief.state)
 
 
@@ -97,7 +99,8 @@ class MotionModel:
             return Prediction(belief.state, belief.velocity, belief)
         step = self.velocity * elapsed_s
         step[N_ROOT_DOF:] *= self._config.velocity_decay
-        return Prediction(state.retract(step), self.velocity)
+        gain = self._config.velocity_gain / elapsed_s if elapsed_s > 0.0 else 0.0
+        return Prediction(state.retract(step), self.velocity, gain=gain)
 
     def expect(self, stamp_ns: int, state: State, sigmas: np.ndarray) -> None:
         """Say where a body is of which nothing is known yet.
