@@ -64,6 +64,10 @@ class SomersaultScene:
     variables: np.ndarray
     truth: Sequence[State]
 
+    def in_ambient_light(self) -> SomersaultScene:
+        """The same without the lights that have a direction."""
+        return replace(self, rig=replace(self.rig, lights=(Light("ambient", (0.8, 0.8, 0.8)),)))
+
     def film(self, body: ArticulatedModel, backend: str = BACKENDS[0]) -> list[list[np.ndarray]]:
         """Target images of a body in the true states, on black.
 
