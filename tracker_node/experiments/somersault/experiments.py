@@ -200,7 +200,7 @@ def _biases(floors: Mapping[str, np.ndarray]) -> dict[str, float | int]:
 
 
 def _valley(score: Any, truth: Any) -> Profile:
-    """Scores (31, 41) over lateral and twist errors around the truth, as a profile over twist with a column for each lateral."""
+    """Scores around the truth as a profile over twist, with a column for each lateral position."""
     grid = [experiments.moved(truth, [0.0, 0.0, mm, 0.0, 0.0, deg]) for deg in VALLEY_DEG for mm in VALLEY_MM]
     return Profile(VALLEY_DEG, score.scores(grid).reshape(len(VALLEY_DEG), len(VALLEY_MM)))
 
@@ -259,6 +259,7 @@ def _remarks(metrics: dict[str, float | int]) -> str:
     floor = [metrics[f"table1.floor_hard.{name}_rms_{unit}"] for name, unit in zip(VARIABLES, UNITS, strict=True)]
     high = [LABELS[name] for name, rms, paper in zip(VARIABLES, floor, PAPER_RMS, strict=True) if rms > 0.5 * paper]
     start = ", ".join(f"{value:+g}" for value in START_ERROR)
+    push = {key: float(np.linalg.norm([metrics[f"table1.{key}.{name}_bias_mm"] for name in VARIABLES[:3]])) for key in FLOORS}
     return (
         f"Scores for each variable of an image set: {metrics['table1.evaluations_per_variable']:.1f} stepping,"
         f" {metrics['table1.best.evaluations_per_variable']:.1f} for alignment + simplex, which searches around every start"
@@ -271,8 +272,9 @@ def _remarks(metrics: dict[str, float | int]) -> str:
         "Where it comes from: at the truth the fat ellipsoids overhang the body, and"
         f" {100 * metrics['table1.overhang_cost_share']:.0f} % of the squares are on the"
         f" {100 * metrics['table1.overhang_pixel_share']:.0f} % of the mask that is over black. There a pixel costs its own"
-        " brightness: the body is pushed away from the light, by the same vector in every image. In ambient light this is gone;"
-        f" so it is nearly where no pixel differs by more than {CAP:.0f} gray levels (capped).\n"
+        f" brightness, so that light pushes the body: on average by {push['floor_hard']:.1f} mm, in ambient light alone"
+        f" {push['floor_ambient']:.1f}, and {push['floor']:.1f} where no pixel counts for more than {CAP:.0f} gray levels"
+        " (capped).\n"
         f"Twist is worst in image {metrics['table1.floor_hard.twist_worst_image']} (from 0): with the lateral position it moves"
         f" {metrics['table1.valley_hard_twist_deg']:.1f} degrees before the score rises by 1 %"
         f" ({metrics['table1.valley_capped_twist_deg']:.1f} capped)."

@@ -65,7 +65,7 @@ class SomersaultScene:
     truth: Sequence[State]
 
     def in_ambient_light(self) -> SomersaultScene:
-        """The same without the lights that have a direction."""
+        """The same in ambient light alone."""
         return replace(self, rig=replace(self.rig, lights=(Light("ambient", (0.8, 0.8, 0.8)),)))
 
     def film(self, body: ArticulatedModel, backend: str = BACKENDS[0]) -> list[list[np.ndarray]]:
