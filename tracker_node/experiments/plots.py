@@ -126,7 +126,7 @@ def bias_figure(floors: Mapping[str, np.ndarray], names: Sequence[str], units: S
     figure = Figure(figsize=(4.9 * len(kinds), 3.6), layout="constrained")
     width = 0.8 / len(floors)
     for ax, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
-        columns = np.flatnonzero([unit == kind for unit in units])
+        columns = [i for i, unit in enumerate(units) if unit == kind]
         for k, ((title, errors), color) in enumerate(zip(floors.items(), CYCLE, strict=False)):
             places = np.arange(len(columns)) + (k + 0.5) * width - 0.4
             ax.bar(places, errors[:, columns].mean(axis=0), 0.9 * width, color=color, alpha=0.6, label=title)
