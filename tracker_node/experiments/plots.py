@@ -110,6 +110,83 @@ def success_figure(starts: Sequence[str], rates: Mapping[str, Sequence[float]]) 
     return figure
 
 
+def bias_figure(floors: Mapping[str, np.ndarray], names: Sequence[str], units: Sequence[str]) -> Figure:
+    """Signed errors of several methods: a bar for the mean, a dot for each image set; one panel for each unit.
+
+    Parameters
+    ----------
+    floors : title -> errors (n, n_variables).
+    names, units : of the variables.
+
+    Returns
+    -------
+    The figure.
+    """
+    kinds = list(dict.fromkeys(units))
+    figure = Figure(figsize=(4.9 * len(kinds), 3.6), layout="constrained")
+    width = 0.8 / len(floors)
+    for ax, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
+        columns = [i for i, unit in enumerate(units) if unit == kind]
+        for k, ((title, errors), color) in enumerate(zip(floors.items(), CYCLE, strict=False)):
+            places = np.arange(len(columns)) + (k + 0.5) * width - 0.4
+            ax.bar(places, errors[:, columns].mean(axis=0), 0.9 * width, color=color, alpha=0.6, label=title)
+            ax.plot(np.tile(places, len(errors)), errors[:, columns].ravel(), "o", ms=2.2, color=color)
+        ax.set_xticks(np.arange(len(columns)), [names[i] for i in columns])
+        plain_axes(ax, "", "")
+        ax.set_ylabel(f"estimate - truth [{kind}]", fontsize=9)
+    ax.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def cost_figure(differences: Mapping[str, np.ndarray]) -> Figure:
+    """Where a drawn body differs from its target, one panel for each camera.
+
+    Parameters
+    ----------
+    differences : title -> (h, w) gray levels, nan where the body does not cover.
+
+    Returns
+    -------
+    The figure.
+    """
+    figure = Figure(figsize=(3.3 * len(differences) + 0.8, 3.9), layout="constrained")
+    axes = figure.subplots(1, len(differences), squeeze=False)[0]
+    for ax, (title, difference) in zip(axes, differences.items(), strict=True):
+        top, bottom, left, right = body_box(~np.isnan(difference), margin=8)
+        shown = ax.imshow(difference[top:bottom, left:right], cmap="magma_r", vmin=0.0, vmax=150.0, interpolation="nearest")
+        ax.set_title(title, fontsize=9)
+        ax.set_axis_off()
+    figure.colorbar(shown, ax=axes, label="rms RGB difference [gray levels]", shrink=0.8)
+    return figure
+
+
+def valley_figure(valleys: Mapping[str, Profile], lateral_mm: np.ndarray, found: Sequence[np.ndarray]) -> Figure:
+    """Scores over lateral position and twist, one panel for each score.
+
+    Parameters
+    ----------
+    valleys : title -> profile over twist, degrees, whose scores (n, m) have a column for each lateral position.
+    lateral_mm : (m,).
+    found : for each panel (lateral, twist) of its floor.
+
+    Returns
+    -------
+    The figure.
+    """
+    figure = Figure(figsize=(4.6 * len(valleys), 3.9), layout="constrained")
+    axes = figure.subplots(1, len(valleys), sharey=True, squeeze=False)[0]
+    for ax, (title, valley), (x, y) in zip(axes, valleys.items(), found, strict=True):
+        rise = 100.0 * (valley.scores / valley.scores.min() - 1.0)
+        lines = ax.contour(lateral_mm, valley.changes, rise, levels=[0.2, 0.5, 1, 2, 4, 8, 16], colors=GRAY, linewidths=0.8)
+        ax.clabel(lines, fmt="%g %%", fontsize=7)
+        ax.plot(0.0, 0.0, "+", color=CYCLE[0], ms=10, label="truth")
+        ax.plot(x, y, "o", color=CYCLE[1], ms=5, label="floor")
+        plain_axes(ax, title, "lateral error [mm]")
+    axes[0].set_ylabel("twist error [degrees]", fontsize=9)
+    axes[0].legend(frameon=False, fontsize=8)
+    return figure
+
+
 def sequence_figure(rows: Mapping[str, Sequence[np.ndarray]]) -> Figure:
     """Image sequences under each other (Fig. 4).
 

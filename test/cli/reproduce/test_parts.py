@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,25 +24,32 @@ def scene():
 
 
 def test_the_methods_of_table_1_and_their_renderers():
-    objectives = SimpleNamespace(score=None, pyramid=None, chain=None)
+    objectives = SimpleNamespace(score=None, capped=None, ambient=None, pyramid=None, chain=None)
     methods = {method.key: method for method in experiments._methods(objectives)}
     assert list(methods) == [key for keys in experiments.TABLES.values() for key in keys]
-    assert {key for key, method in methods.items() if method.backend == "raycaster"} == {
+    assert {key for key, method in methods.items() if method.targets == "raycaster"} == {
         "same_backend", "same_backend_best", "same_backend_floor",
     }  # fmt: skip
-    assert {key for key, method in methods.items() if method.from_truth} == {"floor", "same_backend_floor"}
+    assert {key for key, method in methods.items() if method.from_truth} == {*experiments.FLOORS, "same_backend_floor"}
+    ambient = {key for key, method in methods.items() if method.targets == experiments.AMBIENT}
+    assert ambient == {"stepping_ambient", "floor_ambient"}
 
 
 def remarks(**rms):
-    metrics = {f"table1.floor.{name}_rms_{unit}": rms.get(name, 0.0) for name, unit in zip(VARIABLES, UNITS, strict=True)}
+    metrics = {f"table1.floor_hard.{name}_rms_{unit}": rms.get(name, 0.0) for name, unit in zip(VARIABLES, UNITS, strict=True)}
     metrics |= {"table1.evaluations_per_variable": 20.25, "table1.best.evaluations_per_variable": 300.0}
+    metrics |= {"table1.overhang_cost_share": 0.314, "table1.overhang_pixel_share": 0.021}
+    metrics |= {"table1.valley_hard_twist_deg": 2.54, "table1.valley_capped_twist_deg": 1.26}
+    metrics["table1.floor_hard.twist_worst_image"] = 2
+    biases = {"floor_hard": (2.0, -1.0, 2.0), "floor_ambient": (0.0, 0.3, 0.4), "floor": (0.0, 0.0, -0.7)}
+    metrics |= experiments._biases({key: np.array([[*bias, 0.0, 0.0, 0.0]]) for key, bias in biases.items()})
     return experiments._remarks(metrics | {"table1.mask_pixels": 1234, "table1.surface_distance_mean_mm": 5.55})
 
 
 def test_variables_whose_floor_is_above_half_of_the_paper_s_rms_are_named():
     half = 0.5 * PAPER_RMS
-    assert remarks().endswith("rms in: no variable.")
-    assert remarks(ap=half[1] + 1e-6, lateral=half[2] - 1e-6, twist=half[5] + 1e-6).endswith("rms in: A-P, twist.")
+    assert "rms in: no variable.\n" in remarks()
+    assert "rms in: A-P, twist.\n" in remarks(ap=half[1] + 1e-6, lateral=half[2] - 1e-6, twist=half[5] + 1e-6)
 
 
 def test_remarks_tell_the_start_s_error_with_signs():
@@ -49,6 +57,46 @@ def test_remarks_tell_the_start_s_error_with_signs():
     assert "+30, -30, +20, +4, -3, +4." in text
     assert "20.2 stepping, 300.0 for alignment" in text
     assert "1234 pixels" in text
+
+
+def test_remarks_tell_where_the_floor_comes_from():
+    text = remarks()
+    assert "31 % of the squares are on the 2 % of the mask" in text
+    assert "on average by 3.0 mm, in ambient light alone 0.5, and 0.7 where" in text
+    assert "worst in image 2 " in text and "2.5 degrees before" in text and "(1.3 capped)" in text
+
+
+def test_a_floor_s_rms_is_its_bias_and_the_rest():
+    errors = np.array([[1.0] * 6, [4.0] * 6, [-2.0] * 6])
+    found = experiments._biases({"floor": errors})
+    assert len(found) == 12 and found["table1.floor.tilt_bias_deg"] == pytest.approx(1.0)
+    assert np.hypot(found["table1.floor.ap_bias_mm"], found["table1.floor.ap_rest_mm"]) == pytest.approx(np.sqrt(7.0))
+
+
+def test_the_overhang_is_what_the_body_covers_of_black(scene):
+    """Two of four pixels are covered; one of them over black, with three times the difference of the other."""
+    off = np.array([[30.0, 10.0], [np.nan, np.nan]])
+    image = np.array([[[0, 0, 0], [9, 0, 0]], [[0, 0, 0], [9, 9, 9]]], dtype=np.uint8)
+    assert experiments._overhang([[off]], [[image]]) == {
+        "table1.overhang_pixel_share": 0.5, "table1.overhang_cost_share": pytest.approx(0.9),
+    }  # fmt: skip
+    alike = experiments._differences(scene, scene.draw(scene.tracked, scene.truth))
+    assert all(np.nanmax(off) == 0.0 for of_set in alike for off in of_set)
+
+
+def test_ambient_light_has_no_direction(scene):
+    lights = scene.in_ambient_light().rig.lights
+    assert [light.kind for light in lights] == ["ambient"]
+    assert scene.in_ambient_light().truth is scene.truth
+
+
+def test_how_far_twist_moves_is_read_along_the_valley():
+    """The lowest score of every row, not that of a column: 1, 1.005, 1, and 2 beyond."""
+    scores = np.array([[2.0, 2.0, 2.0], [2.0, 1.0, 2.0], [2.0, 2.0, 1.005], [1.0, 2.0, 2.0], [2.0, 2.0, 2.0]])
+    valley = Profile(np.arange(5.0), scores)
+    steep = Profile(np.arange(5.0), scores + np.arange(5.0)[:, None])
+    found = experiments._of_valleys([valley, steep])
+    assert found == {"table1.valley_hard_twist_deg": 2.0, "table1.valley_capped_twist_deg": 1.0}
 
 
 def test_circumstances_are_means_over_image_sets(scene):
@@ -69,10 +117,12 @@ def test_circumstances_are_means_over_image_sets(scene):
 def test_fig_4_and_the_page_show_two_views(tmp_path, scene):
     targets = scene.draw(scene.tracked, scene.truth)
     table = [["variable", "rms"], ["tilt", "1.0"]]
+    for name in ("bias", "cost", "valley"):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), targets[0][0])
     experiments._write_figures(tmp_path, scene, targets, scene.truth, {"Table 1": table}, "remarked")
     page = (tmp_path / "report.html").read_text()
     assert (tmp_path / "fig4.png").exists()
-    order = [page.index(text) for text in ("What it is", "remarked", "Table 1", "tilt", "Fig. 4")]
+    order = [page.index(text) for text in ("What it is", "remarked", "Table 1", "tilt", "Fig. 4", "Floors")]
     assert order == sorted(order)
 
 

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from tracker_node.experiments.somersault.scene import distance_table, point_distances, segment_distances
+from tracker_node.experiments.somersault.scene import (
+    distance_table,
+    point_distances,
+    segment_distances,
+    surface_ellipsoids,
+)
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.humans.segments18 import ellipsoid_human, nurbs_human
 from tracker_node.model.kinematic_chain import KinematicChain
@@ -56,6 +61,25 @@ def test_the_two_humans_differ_as_a_measured_and_an_ellipsoid_body_do():
     assert 5.0 < np.mean([row.mean_mm for row in rows]) < 10.0
     assert rows[4].segment == "left_shoulder" and rows[11].segment == "right_shoulder"
     assert np.isclose(rows[4].mean_mm, rows[11].mean_mm, atol=0.1)
+
+
+def test_the_ellipsoid_nearest_to_one_is_itself():
+    """Wherever it is, from the triangles of its surface alone."""
+    given = body(Ellipsoid((0.05, 0.08, 0.2)), offset=0.3)
+    (shape,) = surface_ellipsoids(given).shapes
+    assert np.allclose(shape.primitive.radii, (0.05, 0.08, 0.2), atol=0.0006)  # the triangles' centers lie within it
+    assert np.allclose(shape.T_link_shape, given.shapes[0].T_link_shape, atol=1e-4)
+
+
+def test_ellipsoids_by_the_surface_are_nearer_to_it_than_those_of_its_moments():
+    measured = nurbs_human(24, 0.03)
+    nearest, moments = (
+        np.mean([row.back_mean_mm for row in segment_distances(ellipsoids, measured)])
+        for ellipsoids in (surface_ellipsoids(measured), ellipsoid_human())
+    )
+    assert nearest < 0.95 * moments
+    radii = {shape.name: shape.primitive.radii for shape in surface_ellipsoids(measured).shapes}
+    assert radii["left_thigh"] == pytest.approx(radii["right_thigh"], abs=2e-4)
 
 
 def test_the_table_names_every_segment_and_ends_with_the_whole():

@@ -34,7 +34,8 @@ def expected_rms(views, images, options):
         inside = labels[rows] > 0
         model, target = rgb[rows][inside].astype(float), image[rows, :, ::-1][inside].astype(float)
         normalized = [255.0 * c / np.maximum(c.sum(axis=1, keepdims=True), 1.0) for c in (model, target)]
-        squares += weights[0] * ((model - target) ** 2).sum() + weights[1] * ((normalized[0] - normalized[1]) ** 2).sum()
+        each = weights[0] * (model - target) ** 2 + weights[1] * (normalized[0] - normalized[1]) ** 2
+        squares += np.minimum(each.sum(axis=1), 3.0 * options.cap**2).sum()
         count += len(model)
     return math.sqrt(squares / (3 * count)), count
 
@@ -74,8 +75,11 @@ def test_score_is_that_of_brute_force(lens, names):
 @pytest.mark.parametrize("make_model", [ellipsoid_human, human_model, yellow_stick])
 @pytest.mark.parametrize(
     "options",
-    [ColorOptions(), ColorOptions("normalized"), ColorOptions("blend", normalized_weight=0.3, row_step=4)],
-    ids=lambda o: o.representation,
+    [
+        ColorOptions(), ColorOptions("normalized"), ColorOptions("blend", normalized_weight=0.3, row_step=4),
+        ColorOptions(cap=70.0), ColorOptions("blend", cap=50.0),
+    ],
+    ids=lambda o: f"{o.representation} {o.cap}",
 )
 def test_score_is_that_of_the_rendered_images(make_model, options):
     model = make_model()
@@ -91,6 +95,11 @@ def test_score_is_that_of_the_rendered_images(make_model, options):
     assert objective.score(state) == found.rms
     squares = found.camera_rms**2 * found.camera_pixels
     assert math.sqrt(squares.sum() / count) == pytest.approx(found.rms, rel=1e-9)
+
+
+def test_a_cap_of_colors_in_unknown_gains_is_refused():
+    with pytest.raises(ValueError, match="no cap"):
+        ColorOptions(gained=True, cap=60.0)
 
 
 def test_gain_and_gamma_of_cameras_count():

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
+from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
 from ...camera.light import Light
@@ -18,9 +19,10 @@ from ...camera.rig import Camera, CameraRig
 from ...errors import UnknownNameError
 from ...geometry import se3
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import Configuration, State, angles_of, from_variables
-from ...model.humans.segments18 import ellipsoid_human, nurbs_human
+from ...model.configuration import N_ROOT, Configuration, State, from_variables, to_variables
+from ...model.humans.segments18 import nurbs_human
 from ...model.kinematic_chain import KinematicChain
+from ...model.shapes.primitives import Ellipsoid
 from ...render.opengl.tessellation import tessellate
 from ...render.raycast import raycaster
 from ...synthesis.scenes.scene import looking_at
@@ -29,16 +31,21 @@ from ..plots import bgr_of
 from ..target_images import TargetStudio
 
 BACKENDS = ("pyrender", "raycaster")  # the renderer that does not score comes first
-# A little piked, arms adducted, hands before the belly, toes pointed: as twisting somersaults are flown.
+# A little piked, arms hanging, toes pointed. The pelvis moves sideways by the paper's 10 mm only with the arms nearly straight.
 POSTURE_DEG = {"torso_flexion": 4.0, "chest_flexion": 3.0, "head_flexion": 10.0} | {
     f"{side}_{axis}": degrees
     for side in ("left", "right")
-    for axis, degrees in (("hip_flexion", 14.0), ("knee_flexion", 6.0), ("ankle_dorsiflexion", -45.0), ("elbow_flexion", 75.0))
+    for axis, degrees in (("hip_flexion", 14.0), ("knee_flexion", 6.0), ("ankle_dorsiflexion", -45.0), ("elbow_flexion", 20.0))
 }
-# Of the ellipsoid human in that pose: m^2 (one kilogram), axes of the pelvis.
-INERTIA = np.array([[0.1647, 0.0, 0.0127], [0.0, 0.1601, 0.0], [0.0127, 0.0, 0.0162]])
-_MOMENTUM = 1.046  # m^2 per flight
-_TILT, _TWIST = np.deg2rad([-0.631, -19.726])  # at take-off
+# Of the ellipsoid human in that pose, all of one density: its center of mass, and m^2 (one kilogram), axes of the pelvis.
+MASS = MassProperties(
+    np.array([0.0371, 0.0, -0.2131]), np.array([[0.1652, 0.0, 0.0129], [0.0, 0.1595, 0.0], [0.0129, 0.0, 0.0158]])
+)
+DURATION = 0.5  # seconds: with a shorter or longer flight of the paper's ranges the largest vertical step is larger
+# At take-off, such that the ranges over 11 images are the paper's: velocity of the center of mass (m/s), momentum (m^2/s)
+VELOCITY = np.array([1.85407, -0.01288, 0.89364])
+_MOMENTUM = 2.09201
+_TILT, _TWIST = 0.01683, 0.18273  # radians
 IMAGE_SIZE = (768, 576)
 CAMERA_NAMES = ("front", "side", "top")
 _CAMERA_DISTANCE = 8.0  # meters from the middle of the flight
@@ -56,6 +63,10 @@ class SomersaultScene:
     rig: CameraRig
     variables: np.ndarray
     truth: Sequence[State]
+
+    def in_ambient_light(self) -> SomersaultScene:
+        """The same in ambient light alone."""
+        return replace(self, rig=replace(self.rig, lights=(Light("ambient", (0.8, 0.8, 0.8)),)))
 
     def film(self, body: ArticulatedModel, backend: str = BACKENDS[0]) -> list[list[np.ndarray]]:
         """Target images of a body in the true states, on black.
@@ -102,38 +113,59 @@ def somersault_scene(n_images: int = 11, width: int = 768) -> SomersaultScene:
     -------
     The scene.
     """
-    measured, tracked = rigid_body(nurbs_human(), POSTURE_DEG), rigid_body(ellipsoid_human(), POSTURE_DEG)
+    measured, tracked = (rigid_body(body, POSTURE_DEG) for body in (nurbs_human(), surface_ellipsoids(nurbs_human())))
     variables = somersault_variables()[:n_images]
     return SomersaultScene(measured, tracked, somersault_rig(width), variables, somersault_states(tracked, variables, {}))
 
 
+def surface_ellipsoids(body: ArticulatedModel) -> ArticulatedModel:
+    """The body with the ellipsoid nearest to the surface of each of its shapes instead of this: no image has a say in it.
+
+    Least squares over the triangles' centers, weighted by area, of the distance to first order, (|q| - 1) / |grad |q||, where
+    q = (p - center) / half-axes (Taubin, IEEE PAMI 13, 1991). Half-axes keep the directions of the shape's axes.
+    """
+    shapes = []
+    for shape in body.shapes:
+        corners = np.concatenate([each.vertices[each.faces] for each in tessellate(shape.primitive, shape.color_rgb)])
+        center, radii = _nearest_ellipsoid(corners)
+        offset = se3.from_rotation_translation(np.eye(3), center)
+        shapes.append(replace(shape, primitive=Ellipsoid(radii), T_link_shape=shape.T_link_shape @ offset))
+    return replace(body, name="surface_ellipsoids", shapes=tuple(shapes))
+
+
+def _nearest_ellipsoid(corners: np.ndarray) -> tuple[np.ndarray, tuple[float, float, float]]:
+    """Center (3,) and half-axes of triangles (m, 3, 3), meters, rounded to 0.1 mm."""
+    points, weights = corners.mean(axis=1), np.sqrt(_areas(corners))
+
+    def residuals(unknown: np.ndarray) -> np.ndarray:
+        q = (points - unknown[:3]) / unknown[3:]
+        length = np.linalg.norm(q, axis=1)
+        return weights * (length - 1.0) * length / np.linalg.norm(q / unknown[3:], axis=1)
+
+    low, high = points.min(axis=0), points.max(axis=0)
+    found = least_squares(residuals, np.concatenate([0.5 * (low + high), 0.5 * (high - low)]), x_scale=0.1)
+    x, y, z = np.round(found.x[3:], 4).tolist()
+    return np.round(found.x[:3], 4), (x, y, z)
+
+
 RANGES = np.array([1.000, 0.010, 0.790, *np.deg2rad([360.0, 8.0, 180.0])])
 """Of the pose variables over all images (Table 1 of the paper), meters and radians."""
-TAKE_OFF_HEIGHT = 1.30
+TAKE_OFF_HEIGHT = 2.09
 
 
 def somersault_variables(n_images: int = 11) -> np.ndarray:
     """Pose variables (n_images, 6) of the somersault, evenly spaced from take-off to landing, in the order of
-    `model.configuration.ROOT_NAMES`."""
-    s = np.linspace(0.0, 1.0, n_images)
-    angles = _rotation(s)
-    columns = np.column_stack([s, -np.abs(angles[:, 1]), -((s - 0.5) ** 2), angles])
-    variables = columns * (RANGES / np.ptp(columns, axis=0))
-    variables[:, :3] += [0.0, 0.0, TAKE_OFF_HEIGHT] - variables[0, :3]
-    return variables
-
-
-def _rotation(times: np.ndarray) -> np.ndarray:
-    """Somersault, tilt, twist (n, 3) at ``times`` (n,) of a flight that takes one: nearly the paper's ranges."""
-    start = from_variables(np.array([0.0, 0.0, 0.0, 0.0, _TILT, _TWIST]))
+    `model.configuration.ROOT_NAMES`. The center of mass falls freely: the pelvis circles about a parabola."""
+    row = np.array([0.0, 0.0, TAKE_OFF_HEIGHT, 0.0, _TILT, _TWIST])
+    start = from_variables(row)
     momentum = start.T_world_root[:3, :3].T @ np.array([0.0, _MOMENTUM, 0.0])
-    flight = FreeFlight(MassProperties(np.zeros(3), INERTIA), start, np.zeros(3), np.linalg.solve(INERTIA, momentum), 1.0)
-    angles, near = [], np.array([0.0, _TILT, _TWIST])
-    steps = np.unique(np.concatenate([times, np.linspace(0.0, 1.0, 41)]))
+    flight = FreeFlight(MASS, start, VELOCITY, np.linalg.solve(MASS.inertia, momentum), DURATION)
+    times, rows = np.linspace(0.0, DURATION, n_images), []
+    steps = np.unique(np.concatenate([times, np.linspace(0.0, DURATION, 41)]))
     for time in steps:  # small ones: full turns are counted on the way
-        near = angles_of(flight.state(time).T_world_root[:3, :3], near)
-        angles.append(near)
-    return np.array(angles)[np.searchsorted(steps, times)]
+        row = to_variables(flight.state(time), row)[:N_ROOT]
+        rows.append(row)
+    return np.array(rows)[np.searchsorted(steps, times)]
 
 
 def somersault_states(model: ArticulatedModel, variables: np.ndarray, angles_deg: Mapping[str, float]) -> list[State]:
@@ -301,8 +333,12 @@ def point_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.linalg.norm(off, axis=1).reshape(near.shape).min(axis=1)
 
 
+def _areas(corners: np.ndarray) -> np.ndarray:
+    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+
+
 def _mean_and_max(surface: np.ndarray, other: np.ndarray) -> tuple[float, float]:
-    areas = 0.5 * np.linalg.norm(np.cross(surface[:, 1] - surface[:, 0], surface[:, 2] - surface[:, 0]), axis=1)
+    areas = _areas(surface)
     distances = 1000.0 * point_distances(surface.mean(axis=1), other)
     return float(areas @ distances / areas.sum()), float(distances.max())
 

@@ -68,6 +68,7 @@ def _score_any(
             r, g, b = displayed(r, lr, gain[0], power), displayed(g, lg, gain[1], power), displayed(b, lb, gain[2], power)
             at = view[PLANES] + (v0 + i) * width + u0 + j
             tr, tg, tb = np.float32(planes[at]), np.float32(planes[at + size]), np.float32(planes[at + 2 * size])
+            before = squares
             if gained:
                 total[MODEL_SQUARES] += r * r + g * g + b * b
                 total[PRODUCTS], total[IMAGE_SQUARES] = total[PRODUCTS] + r * tr, total[IMAGE_SQUARES] + tr * tr
@@ -80,6 +81,7 @@ def _score_any(
                 m, t = _FULL / max(r + g + b, _ONE), _FULL / max(tr + tg + tb, _ONE)
                 dr, dg, db = r * m - tr * t, g * m - tg * t, b * m - tb * t
                 squares += weights[1] * (dr * dr + dg * dg + db * db)
+            squares = min(squares, before + weights[2])
             count += 1
     total[0], total[1] = squares, count
 
@@ -224,7 +226,7 @@ def score_with_cast(
     ----------
     configuration : the body in its state.
     camera, constants, index, views : the camera, the constants of all, its place among them, and their images.
-    weights : (2,) of the raw and the normalized difference.
+    weights : (3,) of the raw and the normalized difference, and the most that a pixel counts.
     gained : whether the raw difference is left out, and what a gain of the image depends on filled.
     total : (`score_kernels.N_TOTALS`,), overwritten but for the status.
     """

@@ -41,6 +41,8 @@ class ColorOptions:
     row_step : score every n-th row of the images only.
     min_pixels : a mask of fewer pixels, over all cameras, cannot be scored.
     gained : raw colors are compared with images in their best gains, see `gains`.
+    cap : a pixel differs by no more than this, rms of its channels, gray levels. Where the mask overhangs the body, a lit side
+        costs no more than a dark one then, and does not push the body away from the light. Not with gains.
     """
 
     representation: str = "raw"
@@ -48,6 +50,11 @@ class ColorOptions:
     row_step: int = 1
     min_pixels: int = 30
     gained: bool = False
+    cap: float = math.inf
+
+    def __post_init__(self) -> None:
+        if self.gained and self.cap < math.inf:
+            raise ValueError("expected no cap where images have gains: their squares are known of all pixels together only")
 
 
 class Outcome(IntEnum):
@@ -106,12 +113,12 @@ class ColorObjective:
         model, rig, options = self.model, self.rig, self.options
         chain, views = model.chain, self._views
         constants = ColorConstants(model, rig, options.representation, options.normalized_weight, self._given_colors)
-        weights = np.array(constants.weights, dtype=np.float32)
+        weights = np.array([*constants.weights, 3.0 * options.cap**2], dtype=np.float32)
         self._constants = constants
         self._gained = options.gained and constants.weights[0] > 0.0
         self._form = form_of(
             constants.n_directional, constants.n_spots, constants.bent, constants.weights[0] > 0.0, constants.weights[1] > 0.0,
-            self._gained,
+            self._gained, options.cap < math.inf,
         )  # fmt: skip
         self._chain = (chain.parents, chain.offsets, chain.axis_start, chain.axis_count, chain.directions)
         used = np.ones(len(model.shapes), dtype=np.bool_)

@@ -69,7 +69,9 @@ def lights_in_camera(lights, T_cam_world, gain, out):
         out[at + COS_INNER] = 1.0 / max(lights[k, COS_INNER] - lights[k, COS_OUTER], 1e-9)
 
 
-def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized: bool, gained: bool = False) -> tuple:
+def form_of(
+    n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized: bool, gained: bool = False, capped: bool = False
+) -> tuple:
     """What the kernels are compiled for.
 
     Parameters
@@ -78,12 +80,14 @@ def form_of(n_directional: int, n_spots: int, gamma: bool, raw: bool, normalized
     gamma : whether any camera has a gamma other than one.
     raw, normalized : which differences count.
     gained : whether raw differences are those from images times a gain, see `gains`.
+    capped : whether the squares of a pixel count up to a limit; not with gains.
 
     Returns
     -------
-    Tuples whose lengths are the arguments: lengths are part of a compiled function's types.
+    Tuples whose lengths are the arguments: lengths are part of a compiled function's types. The last is there only if capped.
     """
-    return tuple((0,) * int(n) for n in (n_directional, n_spots, gamma, raw, normalized, gained))
+    lengths = (n_directional, n_spots, gamma, raw, normalized, gained)
+    return tuple((0,) * int(n) for n in (*lengths, *((1,) if capped else ())))
 
 
 @compiled(fastmath=FAST)
@@ -93,7 +97,7 @@ def _score_smooth(form, straight, c, surface, label, view, rays, planes, box, sp
 
     Where images have a gain, raw differences are left out, and the products that they depend on added from `MODEL_SQUARES` on.
     ``base`` (4,) is what every pixel gets before the lights with a direction, and 1 / gamma; ``weights`` of the raw and the
-    normalized difference.
+    normalized difference, and the most that the squares of a pixel count.
 
     With a ``straight`` of length one no ray is distorted, no cap is seen and all lights are directional: all that does not vary
     along a row is found once for it, and of the normal only its length and its products with the lights, polynomials in x and
@@ -111,14 +115,14 @@ def _score_smooth(form, straight, c, surface, label, view, rays, planes, box, sp
     cx, cy, cz = surface[CAP], surface[CAP + 1], surface[CAP + 2]
     red, green, blue = surface[COLOR], surface[COLOR + 1], surface[COLOR + 2]
     base_r, base_g, base_b, inverse_gamma = base[0], base[1], base[2], base[3]
-    raw_weight, normalized_weight = weights[0], weights[1]
+    raw_weight, normalized_weight, most = weights[0], weights[1], weights[2]
     tag, low_bits = np.int32(label), np.int32(LABEL_BITS)
     distorted, width = view[DISTORTED], view[WIDTH]
     size = width * view[HEIGHT]
     all_squares, all_kept = np.float64(0.0), np.float64(0.0)
     n_directional, n_spots = len(form[0]), len(form[1])
     gamma, raw, normalized = len(form[2]) > 0, len(form[3]) > 0, len(form[4]) > 0
-    gained = raw and len(form[5]) > 0
+    gained, capped = raw and len(form[5]) > 0, len(form) > 6
     by_row = len(straight) > 0
     n_lights = n_directional + n_spots
     all_mm, all_rr, all_gg, all_bb = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
@@ -234,6 +238,8 @@ def _score_smooth(form, straight, c, surface, label, view, rays, planes, box, sp
                     in_image = _FULL / (in_image if in_image > _ONE else _ONE)
                     dr, dg, db = r * in_model - tr * in_image, g * in_model - tg * in_image, b * in_model - tb * in_image
                     square += normalized_weight * (dr * dr + dg * dg + db * db)
+                if capped:
+                    square = square if square < most else most
                 squares += square * own
                 kept += own
             all_squares += squares
@@ -287,7 +293,7 @@ def score_states(form, chain, shapes, cameras, images, options, roots, joints, c
     shapes : kinds, dims, links (n,), Ts_link_shape (n, 4, 4), used (n,).
     cameras : params, limits, T_cam_world, gain, base, colors (n_shapes, 3), each stacked over the cameras.
     images : views (n_cameras, `N_VIEW`), rays and planes (flat).
-    options : packed lights with a direction, weights (2,).
+    options : packed lights with a direction, weights (3,).
     roots, joints : (n_states, 4, 4), (n_states, n_axes).
     camera_indices : of the cameras that are scored.
     work : coefficients, surfaces, boxes, spans, lights in camera axes (flat, `N_LIGHT_WORK` each), buffer.
