@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmark.trust._clips import Recorded, truth_of
 from tracker_node.camera.rig import CameraRig
+from tracker_node.evaluation.metrics import LOST_JOINT_M
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
@@ -57,6 +58,12 @@ class Run:
     total_ms: np.ndarray
     smoothed_errors: np.ndarray
     smoothed_covariances: np.ndarray
+    lost_m: float = LOST_JOINT_M
+
+    @property
+    def lost(self) -> np.ndarray:
+        """(T,) sets in which a joint is farther off than ``lost_m``."""
+        return (self.joint_errors > self.lost_m).any(axis=1)
 
     @property
     def on(self) -> np.ndarray:
@@ -105,6 +112,7 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         total_ms=np.array([e.timings.total_ms for e in estimates]),
         smoothed_errors=np.array([_smoothed_error(b, s) for b, s in zip(beliefs, clip.states, strict=True)]),
         smoothed_covariances=np.array([_smoothed_covariance(b, e) for b, e in zip(beliefs, estimates, strict=True)]),
+        lost_m=recorded.kind.lost_m,
     )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.consistency import effective_sets, mean_bounds, nees, whitened
-from tracker_node.evaluation.metrics import LOST_JOINT_M, LOST_LIMB_M
+from tracker_node.evaluation.metrics import LOST_LIMB_M
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus, Status
@@ -183,7 +183,7 @@ def lost_figures(runs: Sequence[Run], threshold: float, picture: Path) -> dict[s
     sound = [run for run in runs if run.kind == "sound"]
     alarms = [(run.status == Status.LOST) | (run.limb_status == LimbStatus.LOST).any(axis=1) for run in sound]
     doubts = [run.status != Status.TRACKING for run in sound]
-    truly_lost = [(run.joint_errors > LOST_JOINT_M).any(axis=1) for run in sound]
+    truly_lost = [run.lost for run in sound]
     figures: dict[str, float | int] = {
         "trust.lost_auc": min(curve.area for curve in curves.values()),
         "trust.lost_auc_strict": min(curve.area for curve in strict),
@@ -219,7 +219,7 @@ def _hidden_but_right(run: Run) -> np.ndarray:
 
 
 def _body_roc(runs: Sequence[Run], strict: bool) -> Roc:
-    lost = [(run.joint_errors > LOST_JOINT_M).any(axis=1) for run in runs]
+    lost = [run.lost for run in runs]
     keep = [gone | ~_hidden_but_right(run) | strict for run, gone in zip(runs, lost, strict=True)]
     scores = [run.limb_probability.max(axis=1) for run in runs]
     return roc(_masked(scores, keep), _masked(lost, keep))
@@ -238,7 +238,7 @@ def _masked(values: Sequence[np.ndarray], masks: Sequence[np.ndarray]) -> np.nda
 def _delay(run: Run) -> int | None:
     """Image sets until LOST is said of what an event is about; None where nothing was ever lost, or was found again at once."""
     if run.limb < 0:
-        lost, said = (run.joint_errors > LOST_JOINT_M).any(axis=1), run.status == Status.LOST
+        lost, said = run.lost, run.status == Status.LOST
     else:
         lost = run.tip_errors[:, run.limb] > LOST_LIMB_M
         known = (run.limb_status[:, run.limb] == LimbStatus.LOST) | (run.limb_status[:, run.limb] == LimbStatus.UNSEEN)
