@@ -74,12 +74,13 @@ class Recorded:
     model: ArticulatedModel
     clip: events.EventClip
     sources: tuple[tuple[Path, int], ...]
-    kind: Kind
+    lost_m: float
+    light: float
 
     def image_sets(self, rig: CameraRig) -> Iterator[ImageSet]:
         """One set after the other, read when asked for."""
         rng = np.random.default_rng([ord(letter) for letter in self.body + self.clip.name])
-        exposures = np.exp(rng.uniform(-1.0, 1.0, len(rig)) * self.kind.light) if self.kind.light else np.ones(len(rig))
+        exposures = np.exp(rng.uniform(-1.0, 1.0, len(rig)) * self.light) if self.light else np.ones(len(rig))
         for i, source in enumerate(self.sources):
             stamp = round(i * 1e9 / RATE_HZ)
             images = [(camera.name, cv2.imread(str(_path(*source, camera.name)))) for camera in rig]
@@ -141,7 +142,8 @@ def _record_body(part, body, kind: Kind, n_sound, counts, folder: Path, rig, stu
         clip = events.EventClip(f"sound_{seed}", "sound", events.placed(states, np.random.default_rng(seed)))
         sources = _render(clip, range(N_SETS), subject, folder / clip.name, rig, studio)
         back = events.EventClip(f"sound_{seed}_back", "sound", clip.states[::-1])
-        sound += [Recorded(body, model, clip, tuple(sources), kind), Recorded(body, model, back, tuple(sources[::-1]), kind)]
+        both = ((clip, sources), (back, sources[::-1]))
+        sound += [Recorded(body, model, one, tuple(each), kind.lost_m, kind.light) for one, each in both]
     assert subject is not None
     result = list(sound)
     rng = np.random.default_rng([FIRST_SEED[part], len(body)])
@@ -157,7 +159,7 @@ def _record_body(part, body, kind: Kind, n_sound, counts, folder: Path, rig, stu
                 sources[BEGINS:ENDS] = still * (ENDS - BEGINS)
             elif event in ("exit", "hidden"):
                 sources[BEGINS:ENDS] = _render(clip, range(BEGINS, ENDS), subject, folder / name, rig, studio)
-            result.append(Recorded(body, subject.model, clip, tuple(sources), kind))
+            result.append(Recorded(body, subject.model, clip, tuple(sources), kind.lost_m, kind.light))
     return result
 
 

@@ -100,10 +100,10 @@ def nees_figures(runs: Sequence[Run], fitted: Sequence[Run]) -> dict[str, float 
         power = _stack(own, "errors") ** 2 / np.diagonal(_stack(own, "covariances"), axis1=-2, axis2=-1)
         alone = power.mean(axis=(0, 1))
         point = _landmarks(own, other)
-        smoothed = _consistency(own, other, "smoothed_")
+        smoothed = None if np.isnan(_stack(own, "smoothed_errors")).any() else _consistency(own, other, "smoothed_")
         states.append(state)
         points.append(point)
-        later.append(smoothed)
+        later += [] if smoothed is None else [smoothed]
         after += [value for run in runs if run.body == body for value in _after_loss(run, effective)]
         figures |= {
             f"trust.{body}.nees_in_bounds": state.runs_in_bounds,
@@ -111,19 +111,23 @@ def nees_figures(runs: Sequence[Run], fitted: Sequence[Run]) -> dict[str, float 
             f"trust.{body}.nees_independent_sets": effective,
             f"trust.{body}.landmark_nees_in_bounds": point.runs_in_bounds,
             f"trust.{body}.landmark_nees_mean": point.mean,
-            f"trust.{body}.smoothed_nees_in_bounds": smoothed.runs_in_bounds,
-            f"trust.{body}.smoothed_nees_mean": smoothed.mean,
             f"trust.{body}.dof_nees_p10": float(np.percentile(alone, 10)),
             f"trust.{body}.dof_nees_median": float(np.median(alone)),
             f"trust.{body}.dof_nees_p90": float(np.percentile(alone, 90)),
             f"trust.{body}.joint_error_mm": 1e3 * float(np.mean([run.joint_errors.mean() for run in own])),
         }
+        if smoothed is not None:
+            figures |= {
+                f"trust.{body}.smoothed_nees_in_bounds": smoothed.runs_in_bounds,
+                f"trust.{body}.smoothed_nees_mean": smoothed.mean,
+            }
+    if later:
+        figures["trust.smoothed_nees_in_bounds"] = _pooled(later, "runs_in_bounds")
     return {
         "trust.nees_in_bounds": _pooled(states, "runs_in_bounds"),
         "trust.nees_in_independent_bounds": _pooled(states, "runs_in_independent_bounds"),
         "trust.nees_sets_in_bounds": _pooled(states, "sets_in_bounds"),
         "trust.landmark_nees_in_bounds": _pooled(points, "runs_in_bounds"),
-        "trust.smoothed_nees_in_bounds": _pooled(later, "runs_in_bounds"),
         "trust.nees_after_loss_in_bounds": float(np.mean(after)) if after else float("nan"),
         "trust.nees_after_loss_runs": len(after),
         "trust.nees_runs": sum(len(state.nees) for state in states),
@@ -226,7 +230,7 @@ def _body_roc(runs: Sequence[Run], strict: bool) -> Roc:
 
 
 def _limb_roc(runs: Sequence[Run], strict: bool) -> Roc:
-    lost = [run.tip_errors > LOST_LIMB_M for run in runs]
+    lost = [run.tip_errors > run.lost_tip_m for run in runs]
     keep = [gone | ~_hidden_but_right(run)[:, None] | strict for run, gone in zip(runs, lost, strict=True)]
     return roc(_masked([run.limb_probability for run in runs], keep), _masked(lost, keep))
 
@@ -240,7 +244,7 @@ def _delay(run: Run) -> int | None:
     if run.limb < 0:
         lost, said = run.lost, run.status == Status.LOST
     else:
-        lost = run.tip_errors[:, run.limb] > LOST_LIMB_M
+        lost = run.tip_errors[:, run.limb] > run.lost_tip_m
         known = (run.limb_status[:, run.limb] == LimbStatus.LOST) | (run.limb_status[:, run.limb] == LimbStatus.UNSEEN)
         said = known | (run.status == Status.LOST)
     if run.kind in ("occluded", "hidden"):
