@@ -28,6 +28,7 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.subjects.cones import waves
+from tracker_node.tracking.color.judge import LOST
 from tracker_node.tracking.limbs.tree import thing_size
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
@@ -121,7 +122,7 @@ def main(arguments: list[str] | None = None) -> int:
     except TrackerError as error:
         print(f"color_trust: error: {error}", file=sys.stderr)
         return 2
-    figures = nees_figures(runs, fitted) | lost_figures(runs, config.status.limb_lost, args.picture)
+    figures = nees_figures(runs, fitted) | lost_figures(runs, LOST, args.picture)
     report_metrics({f"color_{key}": value for key, value in figures.items()}, args.json)
     return 0
 

@@ -26,8 +26,11 @@ from .modality import ColorModality
 _NOISE = 0.1  # agreement that a body has anywhere
 
 MEASURES = ("agreement of the body in its median camera", "agreement of the limb", "agreement of its worst part")
-COEFFICIENTS = np.array([9.0, -4.0, -4.0, -6.0])  # log odds of lost: the constant, and what each measure adds
-_LOST, _DOUBTFUL = 0.5, 0.2  # probabilities from which a limb is LOST and DEGRADED
+COEFFICIENTS = np.array([4.8, -2.0, -3.5, -3.8])  # log odds of lost: the constant, and what each measure adds
+LOST, _DOUBTFUL = 0.65, 0.3  # probabilities from which a limb is LOST and DEGRADED
+# By what squared errors of bodies with joints exceed those that colors say: lights that are not the model's turn round parts
+# about their axes. A rigid body averages over its sides: 1.0.
+_JOINTED = 17.5
 
 
 class ColorLimbs:
@@ -59,15 +62,15 @@ class ColorLimbs:
         probability = float(1.0 / (1.0 + np.exp(-COEFFICIENTS[0] - COEFFICIENTS[1:] @ np.clip(shares, -1.0, 1.0))))
         if probability < _DOUBTFUL:
             return LimbReport(name, LimbStatus.TRACKING, "", probability)
-        status = LimbStatus.LOST if probability >= _LOST else LimbStatus.DEGRADED
+        status = LimbStatus.LOST if probability >= LOST else LimbStatus.DEGRADED
         return LimbReport(name, status, f"colors agree to {100 * max(float(shares[1:].min()), 0.0):.0f} %", probability)
 
-    def weighted(self, H: np.ndarray, variance: float, limbs: Sequence[LimbReport]) -> np.ndarray:
-        """Normal equations without what images say of limbs that are elsewhere, or hidden: the limits of their joints are known.
+    def covariance(self, H: np.ndarray, variance: float, limbs: Sequence[LimbReport]) -> np.ndarray:
+        """Covariance by the images and the limits of joints: images say nothing of limbs that are elsewhere, or hidden.
 
         Parameters
         ----------
-        H : (n_dof, n_dof) Gauss-Newton matrix.
+        H : (n_dof, n_dof) Gauss-Newton matrix of the images alone.
         variance : of its residuals.
         limbs : assessed.
 
@@ -79,10 +82,10 @@ class ColorLimbs:
         for limb, report in zip(self.limbs[1:], limbs[1:], strict=True):
             if report.status in (LimbStatus.LOST, LimbStatus.UNSEEN):
                 weights[limb.dofs] = 0.0
-        H = weights[:, None] * H * weights
-        joints = np.arange(N_ROOT_DOF, len(H))
-        H[joints, joints] += (1.0 - weights[joints]) * variance * 12.0 / self._ranges**2
-        return H
+        H, joints = weights[:, None] * H * weights, np.arange(N_ROOT_DOF, len(H))
+        variance *= _JOINTED if len(joints) else 1.0
+        H[joints, joints] += variance * 12.0 / self._ranges**2
+        return inverse_covariance(H, variance)
 
 
 class ColorJudge(Judge):
@@ -117,10 +120,12 @@ class ColorJudge(Judge):
         agreement = self._modality.agreement(fit.state)
         pixels = [own.sum() for own in agreement.pixels]
         cameras = camera_reports(self._rig, image_set, agreement.camera_rms, pixels)
-        H, variance = fit.equations.H, self._modality.variance(fit.state)
-        if self.limbs is not None and self._reports:
-            H = self.limbs.weighted(H, variance, self._reports)
-        return Report(cameras, agreement.rms, inverse_covariance(H, variance))
+        variance = self._modality.variance(fit.state)
+        if self.limbs is None or not self._reports:
+            return Report(cameras, agreement.rms, inverse_covariance(fit.equations.H, variance))
+        # Priors hold the fit near the prediction, which errs as the images do
+        H = fit.correspondences.linearize(fit.state).H
+        return Report(cameras, agreement.rms, self.limbs.covariance(H, variance, self._reports))
 
 
 def with_limbs(body: Assessment, limbs: tuple[LimbReport, ...]) -> Assessment:
