@@ -51,8 +51,11 @@ class ColorLimbs:
         parts = agreement.parts
         for limb, shares in zip(self.limbs, self.shares, strict=True):
             own, told = agreement.of(limb.shapes), parts[limb.shapes][np.isfinite(parts[limb.shapes])]
-            shares[:] = agreement.median, own, min(own, told.min(initial=np.inf))
-        self.shares[~np.isfinite(self.shares).all(axis=1)] = np.nan
+            median = agreement.median
+            # Without a part that is not of the colors around it, nothing but the body tells where the limb is
+            shares[:] = (median, own, min(own, told.min())) if len(told) else (median, median, median)
+            if not np.isfinite(own):
+                shares[:] = np.nan
         return tuple(map(self._report, range(len(self.limbs))))
 
     def _report(self, index: int) -> LimbReport:
