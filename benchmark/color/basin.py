@@ -10,17 +10,19 @@ before cluttered rooms with noise (``basin.cluttered.*``), in images drawn by an
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from tracker_node.model.configuration import State
+from tracker_node.optimize.robust_fit import Fitted
 from tracker_node.report.metrics_file import report_metrics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
 from benchmark._arguments import parser_of
-from benchmark.color._fits import Contestant, contestants
+from benchmark.color._fits import contestants
 from benchmark.color._scene import ColorScene, displaced, make_scene, root_error
 
 START_ERRORS = ((60, 6), (100, 10), (150, 15), (200, 20), (300, 30))  # mm, degrees
@@ -29,7 +31,10 @@ ARRIVED_MM, ARRIVED_DEG = 5.0, 2.0
 N_STATES = 11
 
 
-def arrival_rate(scene: ColorScene, contestant: Contestant, off_mm: float, off_deg: float, trials: int, seed: int = 0) -> float:
+def arrival_rate(
+    scene: ColorScene, contestant: Callable[[Sequence[np.ndarray], State], Fitted], off_mm: float, off_deg: float, trials: int,
+    seed: int = 0,
+) -> float:  # fmt: skip
     """Share of starts, so far off, that arrive."""
     rng, arrived = np.random.default_rng(seed), 0
     for trial in range(trials):

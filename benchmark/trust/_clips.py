@@ -8,7 +8,7 @@ those sets in which it shows. Images are kept without noise, which each clip add
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,10 +17,12 @@ import numpy as np
 
 from benchmark.trust import _lost_events as events
 from tracker_node.camera.rig import CameraRig
+from tracker_node.evaluation.metrics import LOST_JOINT_M
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.synthesis.scenes.rasterizer import ColoredMesh
 from tracker_node.synthesis.scenes.scene import SceneConfig, Studio, make_rig
 from tracker_node.synthesis.subjects.cones import ModelSubject, waves
 from tracker_node.synthesis.subjects.figure import figure_model, figure_motion
@@ -50,7 +52,18 @@ def _human(seed: int) -> tuple[ArticulatedModel, list[State]]:
     return model, waves(model, 0.5 * RATE_HZ, N_SETS, seed)  # at twice its speed
 
 
-BODIES = {"figure": _figure, "human": _human}
+@dataclass(frozen=True)
+class Kind:
+    """A body and how it moves, by seed; how many clips, as `COUNTS` has them. It is lost from ``lost_m`` meters off. Each camera
+    has an exposure of its own, up to exp(+-``light``) of what the model knows."""
+
+    motion: Callable[[int], tuple[ArticulatedModel, list[State]]]
+    counts: Mapping[str, tuple[int, Mapping[str, int]]]
+    lost_m: float = LOST_JOINT_M
+    light: float = 0.0
+
+
+BODIES = {"figure": Kind(_figure, COUNTS), "human": Kind(_human, COUNTS)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,24 +74,28 @@ class Recorded:
     model: ArticulatedModel
     clip: events.EventClip
     sources: tuple[tuple[Path, int], ...]
+    lost_m: float
+    light: float
 
     def image_sets(self, rig: CameraRig) -> Iterator[ImageSet]:
         """One set after the other, read when asked for."""
         rng = np.random.default_rng([ord(letter) for letter in self.body + self.clip.name])
+        exposures = np.exp(rng.uniform(-1.0, 1.0, len(rig)) * self.light) if self.light else np.ones(len(rig))
         for i, source in enumerate(self.sources):
             stamp = round(i * 1e9 / RATE_HZ)
-            images = {camera.name: cv2.imread(str(_path(*source, camera.name))) for camera in rig}
-            yield ImageSet(stamp, tuple(CameraImage(name, stamp, _noisy(image, rng)) for name, image in images.items()))
+            images = [(camera.name, cv2.imread(str(_path(*source, camera.name)))) for camera in rig]
+            pairs = zip(images, exposures, strict=True)
+            yield ImageSet(stamp, tuple(CameraImage(name, stamp, _noisy(image, e, rng)) for (name, image), e in pairs))
 
 
 _GRAIN = np.random.default_rng(0).standard_normal((1200, 1200, 3), dtype=np.float32)
 
 
-def _noisy(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """With sensor noise as `synthesis.scenes.scene` has it, from a random place in a store of grain."""
+def _noisy(image: np.ndarray, exposure: float, rng: np.random.Generator) -> np.ndarray:
+    """In an exposure, with sensor noise as `synthesis.scenes.scene` has it, from a random place in a store of grain."""
     height, width = image.shape[:2]
     v, u = rng.integers(0, _GRAIN.shape[0] - height), rng.integers(0, _GRAIN.shape[1] - width)
-    bright = image.astype(np.float32)
+    bright = np.float32(exposure) * image.astype(np.float32)
     noise = _GRAIN[v : v + height, u : u + width] * np.sqrt(0.5 + bright / 255.0)
     return np.clip(np.rint(bright + NOISE_LEVELS * noise), 0, 255).astype(np.uint8)
 
@@ -87,44 +104,62 @@ def _path(folder: Path, number: int, camera: str) -> Path:
     return folder / f"{number:02d}_{camera}.png"
 
 
-def record(part: str, size: str, folder: Path) -> tuple[CameraRig, list[Recorded]]:
+class LateStudio:
+    """Opens a `Studio` when the first image is asked for."""
+
+    def __init__(self, rig: CameraRig, scene: SceneConfig):
+        self._rig, self._scene = rig, scene
+        self._studio: Studio | None = None
+
+    def images(self, mesh: ColoredMesh, number: int) -> list[np.ndarray]:
+        self._studio = self._studio or Studio(self._rig, self._scene).__enter__()
+        return self._studio.images(mesh, number)
+
+    def close(self) -> None:
+        if self._studio is not None:
+            self._studio.__exit__(None, None, None)
+
+
+def record(
+    part: str, size: str, folder: Path, bodies: Mapping[str, Kind] = BODIES, scene: SceneConfig = SCENE
+) -> tuple[CameraRig, list[Recorded]]:  # fmt: skip
     """All clips of one part; what is not in ``folder`` yet is rendered."""
-    rig = make_rig(SCENE)
-    studio: list[Studio] = []
+    rig = make_rig(scene)
+    studio = LateStudio(rig, scene)
     result: list[Recorded] = []
-    for body in BODIES:
-        counts = COUNTS["quick" if size == "quick" else part]
-        result += _record_body(part, body, *counts, folder / f"{part}_{size}_{body}", rig, studio)
-    for opened in studio:
-        opened.__exit__(None, None, None)
+    for body, kind in bodies.items():
+        counts = kind.counts["quick" if size == "quick" else part]
+        result += _record_body(part, body, kind, *counts, folder / f"{part}_{size}_{body}", rig, studio)
+    studio.close()
     return rig, result
 
 
-def _record_body(part, body, n_sound, counts, folder: Path, rig, studio: list[Studio]) -> list[Recorded]:
+def _record_body(part, body, kind: Kind, n_sound, counts, folder: Path, rig, studio: LateStudio) -> list[Recorded]:
     sound, subject = [], None
     for seed in range(FIRST_SEED[part], FIRST_SEED[part] + n_sound // 2):
-        model, states = BODIES[body](seed)
+        model, states = kind.motion(seed)
         subject = subject or ModelSubject(model)
         clip = events.EventClip(f"sound_{seed}", "sound", events.placed(states, np.random.default_rng(seed)))
         sources = _render(clip, range(N_SETS), subject, folder / clip.name, rig, studio)
         back = events.EventClip(f"sound_{seed}_back", "sound", clip.states[::-1])
-        sound += [Recorded(body, model, clip, tuple(sources)), Recorded(body, model, back, tuple(sources[::-1]))]
+        both = ((clip, sources), (back, sources[::-1]))
+        sound += [Recorded(body, model, one, tuple(each), kind.lost_m, kind.light) for one, each in both]
     assert subject is not None
     result = list(sound)
     rng = np.random.default_rng([FIRST_SEED[part], len(body)])
-    for kind in (*events.BODY_KINDS, *events.LIMB_KINDS):
-        for number in range(counts[kind]):
-            name, base = f"{kind}_{number}", (number * 3 + len(result)) % n_sound
-            clip = _event(kind, name, subject, [s.clip.states for s in sound], base, number, rng)
+    for event in (*events.BODY_KINDS, *events.LIMB_KINDS):
+        for number in range(counts.get(event, 0)):
+            name, base = f"{event}_{number}", (number * 3 + len(result)) % n_sound
+            clip = _event(event, name, subject, [s.clip.states for s in sound], base, number, rng)
             sources = list(sound[base].sources)
-            if kind == "teleport":
+            if event == "teleport":
                 sources[BEGINS:] = sound[_another(base, n_sound)].sources[BEGINS:]
-            elif kind == "occluded":  # the crate stands still, and hides all that moves
+            elif event == "occluded":  # the crate stands still, and hides all that moves
                 still = _render(clip, range(BEGINS, BEGINS + 1), subject, folder / name, rig, studio)
                 sources[BEGINS:ENDS] = still * (ENDS - BEGINS)
-            elif kind in ("exit", "hidden"):
+            elif event in ("exit", "hidden"):
                 sources[BEGINS:ENDS] = _render(clip, range(BEGINS, ENDS), subject, folder / name, rig, studio)
-            result.append(Recorded(body, subject.model, clip, tuple(sources)))
+            result.append(Recorded(body, subject.model, clip, tuple(sources), kind.lost_m, kind.light))
     return result
 
 
@@ -167,7 +202,7 @@ def _pairs(model: ArticulatedModel) -> list[tuple[Limb, Limb]]:
 
 
 def _render(
-    clip: events.EventClip, sets: range, subject: ModelSubject, folder: Path, rig, studio: list[Studio]
+    clip: events.EventClip, sets: range, subject: ModelSubject, folder: Path, rig, studio: LateStudio
 ) -> list[tuple[Path, int]]:
     """Where the images of some sets of a clip are; a file written last says that all are there, and of what."""
     sources = [(folder, i) for i in sets]
@@ -176,11 +211,9 @@ def _render(
     if note.exists() and note.read_text() == told:
         return sources
     folder.mkdir(parents=True, exist_ok=True)
-    if not studio:
-        studio.append(Studio(rig, SCENE).__enter__())
     for i, mesh in enumerate(clip.meshes(subject)):
         if i in sets:
-            for camera, image in zip(rig, studio[0].images(mesh, i), strict=True):
+            for camera, image in zip(rig, studio.images(mesh, i), strict=True):
                 cv2.imwrite(str(_path(folder, i, camera.name)), image)
     note.write_text(told)
     print(f"rendered {folder}", file=sys.stderr, flush=True)

@@ -9,9 +9,8 @@ from scipy.optimize import minimize
 
 from benchmark.trust._runs import Run
 from tracker_node.evaluation.consistency import nees
-from tracker_node.evaluation.metrics import LOST_LIMB_M
 
-_SOUND_M = 0.080  # a limb whose end is nearer than this is sound; between that and lost nothing is learned
+_SOUND = 0.53  # of what is lost, a limb whose end is nearer than this is sound; between that and lost nothing is learned
 _RIDGE = 2e-3
 _HIDING = ("occluded", "exit", "hidden")
 
@@ -22,7 +21,7 @@ def coefficients(runs: Sequence[Run]) -> np.ndarray:
     for run in runs:
         hiding = run.on[:, None] & (run.kind in _HIDING)
         known = np.isfinite(run.shares).all(axis=-1)
-        gone, sound = run.tip_errors > LOST_LIMB_M, (run.tip_errors < _SOUND_M) & ~hiding
+        gone, sound = run.tip_errors > run.lost_tip_m, (run.tip_errors < _SOUND * run.lost_tip_m) & ~hiding
         keep = known & (gone | sound)
         rows.append(run.shares[keep])
         lost.append(gone[keep])

@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmark.trust._clips import Recorded, truth_of
 from tracker_node.camera.rig import CameraRig
+from tracker_node.evaluation.metrics import LOST_JOINT_M, LOST_LIMB_M
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
@@ -30,10 +31,10 @@ class Run:
 
     Attributes
     ----------
-    joint_errors : (T, n_landmarks) meters. tip_errors : (T, n_limbs) meters, of the limbs' ends.
+    joint_errors : (T, n_landmarks) meters. tip_errors : (T, n_limbs) meters, of the limbs' ends; of a thing, the largest.
     status : (T,). limb_status, limb_probability : (T, n_limbs).
     errors, covariances : (T, n_dof), (T, n_dof, n_dof), tangent from truth to estimate.
-    shares : (T, n_limbs, n_measures) of `limb_judge.MEASURES`, as the judge of the limbs saw them; nan where it saw none.
+    shares : (T, n_limbs, n_measures) as the judge of the limbs saw them, see its `MEASURES`; nan where it saw none.
     landmark_errors, landmark_covariances : (T, n_landmarks, 3), (T, n_landmarks, 3, 3).
     smoothed_errors, smoothed_covariances : as ``errors`` and ``covariances``, in the light of all sets.
     """
@@ -57,6 +58,17 @@ class Run:
     total_ms: np.ndarray
     smoothed_errors: np.ndarray
     smoothed_covariances: np.ndarray
+    lost_m: float = LOST_JOINT_M
+
+    @property
+    def lost(self) -> np.ndarray:
+        """(T,) sets in which a joint is farther off than ``lost_m``."""
+        return (self.joint_errors > self.lost_m).any(axis=1)
+
+    @property
+    def lost_tip_m(self) -> float:
+        """A limb is lost whose end is farther off."""
+        return min(LOST_LIMB_M, self.lost_m)
 
     @property
     def on(self) -> np.ndarray:
@@ -88,12 +100,13 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
     beliefs = list(smooth(measurements, Dynamics.of(motion, model.chain, motion.smoother_noise)))
     truth = truth_of(recorded)
     found = np.array([Configuration(model, e.state).landmarks_world for e in estimates])
+    joint_errors = np.linalg.norm(found - truth, axis=-1)
+    tips = np.array([tip_errors(model, limbs, e.state, s) for e, s in zip(estimates, clip.states, strict=True)])
     names = [limb.name for limb in limbs]
     return Run(
         body=recorded.body, name=clip.name, kind=clip.kind, limb=names.index(clip.limb) if clip.limb else -1,
         begins=clip.begins, ends=clip.ends,
-        joint_errors=np.linalg.norm(found - truth, axis=-1),
-        tip_errors=np.array([tip_errors(model, limbs, e.state, s) for e, s in zip(estimates, clip.states, strict=True)]),
+        joint_errors=joint_errors, tip_errors=tips if model.chain.n_axes else joint_errors.max(axis=1, keepdims=True),
         status=np.array([int(e.status) for e in estimates]),
         limb_status=np.array([_limb_status(e, len(limbs)) for e in estimates]),
         limb_probability=np.array([_limb_probability(e, len(limbs)) for e in estimates]),
@@ -105,6 +118,7 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         total_ms=np.array([e.timings.total_ms for e in estimates]),
         smoothed_errors=np.array([_smoothed_error(b, s) for b, s in zip(beliefs, clip.states, strict=True)]),
         smoothed_covariances=np.array([_smoothed_covariance(b, e) for b, e in zip(beliefs, estimates, strict=True)]),
+        lost_m=recorded.lost_m,
     )  # fmt: skip
 
 

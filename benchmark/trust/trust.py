@@ -26,7 +26,7 @@ import numpy as np
 
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.consistency import effective_sets, mean_bounds, nees, whitened
-from tracker_node.evaluation.metrics import LOST_JOINT_M, LOST_LIMB_M
+from tracker_node.evaluation.metrics import LOST_LIMB_M
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import LimbStatus, Status
@@ -100,10 +100,10 @@ def nees_figures(runs: Sequence[Run], fitted: Sequence[Run]) -> dict[str, float 
         power = _stack(own, "errors") ** 2 / np.diagonal(_stack(own, "covariances"), axis1=-2, axis2=-1)
         alone = power.mean(axis=(0, 1))
         point = _landmarks(own, other)
-        smoothed = _consistency(own, other, "smoothed_")
+        smoothed = None if np.isnan(_stack(own, "smoothed_errors")).any() else _consistency(own, other, "smoothed_")
         states.append(state)
         points.append(point)
-        later.append(smoothed)
+        later += [] if smoothed is None else [smoothed]
         after += [value for run in runs if run.body == body for value in _after_loss(run, effective)]
         figures |= {
             f"trust.{body}.nees_in_bounds": state.runs_in_bounds,
@@ -111,19 +111,23 @@ def nees_figures(runs: Sequence[Run], fitted: Sequence[Run]) -> dict[str, float 
             f"trust.{body}.nees_independent_sets": effective,
             f"trust.{body}.landmark_nees_in_bounds": point.runs_in_bounds,
             f"trust.{body}.landmark_nees_mean": point.mean,
-            f"trust.{body}.smoothed_nees_in_bounds": smoothed.runs_in_bounds,
-            f"trust.{body}.smoothed_nees_mean": smoothed.mean,
             f"trust.{body}.dof_nees_p10": float(np.percentile(alone, 10)),
             f"trust.{body}.dof_nees_median": float(np.median(alone)),
             f"trust.{body}.dof_nees_p90": float(np.percentile(alone, 90)),
             f"trust.{body}.joint_error_mm": 1e3 * float(np.mean([run.joint_errors.mean() for run in own])),
         }
+        if smoothed is not None:
+            figures |= {
+                f"trust.{body}.smoothed_nees_in_bounds": smoothed.runs_in_bounds,
+                f"trust.{body}.smoothed_nees_mean": smoothed.mean,
+            }
+    if later:
+        figures["trust.smoothed_nees_in_bounds"] = _pooled(later, "runs_in_bounds")
     return {
         "trust.nees_in_bounds": _pooled(states, "runs_in_bounds"),
         "trust.nees_in_independent_bounds": _pooled(states, "runs_in_independent_bounds"),
         "trust.nees_sets_in_bounds": _pooled(states, "sets_in_bounds"),
         "trust.landmark_nees_in_bounds": _pooled(points, "runs_in_bounds"),
-        "trust.smoothed_nees_in_bounds": _pooled(later, "runs_in_bounds"),
         "trust.nees_after_loss_in_bounds": float(np.mean(after)) if after else float("nan"),
         "trust.nees_after_loss_runs": len(after),
         "trust.nees_runs": sum(len(state.nees) for state in states),
@@ -183,7 +187,7 @@ def lost_figures(runs: Sequence[Run], threshold: float, picture: Path) -> dict[s
     sound = [run for run in runs if run.kind == "sound"]
     alarms = [(run.status == Status.LOST) | (run.limb_status == LimbStatus.LOST).any(axis=1) for run in sound]
     doubts = [run.status != Status.TRACKING for run in sound]
-    truly_lost = [(run.joint_errors > LOST_JOINT_M).any(axis=1) for run in sound]
+    truly_lost = [run.lost for run in sound]
     figures: dict[str, float | int] = {
         "trust.lost_auc": min(curve.area for curve in curves.values()),
         "trust.lost_auc_strict": min(curve.area for curve in strict),
@@ -219,14 +223,14 @@ def _hidden_but_right(run: Run) -> np.ndarray:
 
 
 def _body_roc(runs: Sequence[Run], strict: bool) -> Roc:
-    lost = [(run.joint_errors > LOST_JOINT_M).any(axis=1) for run in runs]
+    lost = [run.lost for run in runs]
     keep = [gone | ~_hidden_but_right(run) | strict for run, gone in zip(runs, lost, strict=True)]
     scores = [run.limb_probability.max(axis=1) for run in runs]
     return roc(_masked(scores, keep), _masked(lost, keep))
 
 
 def _limb_roc(runs: Sequence[Run], strict: bool) -> Roc:
-    lost = [run.tip_errors > LOST_LIMB_M for run in runs]
+    lost = [run.tip_errors > run.lost_tip_m for run in runs]
     keep = [gone | ~_hidden_but_right(run)[:, None] | strict for run, gone in zip(runs, lost, strict=True)]
     return roc(_masked([run.limb_probability for run in runs], keep), _masked(lost, keep))
 
@@ -238,9 +242,9 @@ def _masked(values: Sequence[np.ndarray], masks: Sequence[np.ndarray]) -> np.nda
 def _delay(run: Run) -> int | None:
     """Image sets until LOST is said of what an event is about; None where nothing was ever lost, or was found again at once."""
     if run.limb < 0:
-        lost, said = (run.joint_errors > LOST_JOINT_M).any(axis=1), run.status == Status.LOST
+        lost, said = run.lost, run.status == Status.LOST
     else:
-        lost = run.tip_errors[:, run.limb] > LOST_LIMB_M
+        lost = run.tip_errors[:, run.limb] > run.lost_tip_m
         known = (run.limb_status[:, run.limb] == LimbStatus.LOST) | (run.limb_status[:, run.limb] == LimbStatus.UNSEEN)
         said = known | (run.status == Status.LOST)
     if run.kind in ("occluded", "hidden"):

@@ -122,7 +122,7 @@ def contour_engine(
 def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, workers: Workers) -> Engine:
     from ..objective.color.score import ColorObjective, ColorOptions
     from ..objective.points.photometry import PhotometryOptions
-    from .color.judge import ColorJudge
+    from .color.judge import ColorJudge, ColorLimbs
     from .color.modality import ColorModality
     from .color.rigid import RigidScores, RigidSearch
     from .color.search import AlignmentSearch, ColorSearch, ColorSolver, MaskScores, ScoreSearch
@@ -142,7 +142,7 @@ def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig
     else:
         modality = ColorModality(rig, model, color, options, workers.map, fit_gain=color.fit_gain)
         search = AlignmentSearch(model, color, modality)
-    judge = ColorJudge(rig, model, color, modality)
+    judge = ColorJudge(rig, model, color, modality, ColorLimbs(model))
     return Engine([modality], ColorSolver(model, color, modality, search), judge, False)
 
 

@@ -10,11 +10,12 @@ from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.objective.points.photometry import PhotometryOptions
+from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.color.agreement import ColorAgreement, agreement_of
-from tracker_node.tracking.color.judge import assess_colors
+from tracker_node.tracking.color.judge import ColorLimbs, assess_colors, with_limbs
 from tracker_node.tracking.config import ColorConfig
-from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.estimate import LimbStatus, Status
 
 CONFIG = ColorConfig(degraded_agreement=0.6, lost_agreement=0.4, min_pixels=100, few_pixels=1000)
 BALLS = ArticulatedModel(
@@ -80,3 +81,55 @@ def test_agreement_is_the_share_of_the_mask_that_lies_on_the_body():
         found = agreement_of([model], rig, [shown], state, PhotometryOptions("raw"))
         assert found.median == pytest.approx(share, abs=0.1)
         assert found.camera_rms[0] == pytest.approx(np.sqrt((1 - share) * ((ground - ball) ** 2).mean()), abs=12.0)
+
+
+ARMED = figure_model()
+LIMBS = ColorLimbs(ARMED)
+
+
+def agreeing(shares: dict[str, float], seen: float = 2000.0) -> ColorAgreement:
+    """Of two cameras: 0.95 everywhere, but for all parts of some limbs."""
+    squares = np.full((2, len(ARMED.shapes)), 0.05)
+    for limb in LIMBS.limbs:
+        squares[:, limb.shapes] = 1.0 - shares.get(limb.name, 0.95)
+    pixels = np.full_like(squares, seen)
+    return ColorAgreement(100.0 * pixels * squares, 100.0 * pixels, pixels)
+
+
+def said(agreement: ColorAgreement) -> dict[str, LimbStatus]:
+    return {limb.name: limb.status for limb in LIMBS.reports(agreement)}
+
+
+def test_a_limb_whose_colors_are_not_there_is_lost_and_the_others_are_not():
+    names = [limb.name for limb in LIMBS.limbs]
+    assert set(said(agreeing({})).values()) == {LimbStatus.TRACKING}
+    found = said(agreeing({names[1]: 0.05}))
+    assert found.pop(names[1]) is LimbStatus.LOST
+    assert set(found.values()) == {LimbStatus.TRACKING}
+    assert set(said(agreeing({}, seen=10.0)).values()) == {LimbStatus.UNSEEN}
+
+
+def test_probability_grows_as_agreement_shrinks():
+    name = LIMBS.limbs[1].name
+    found = [LIMBS.reports(agreeing({name: share}))[1].probability for share in (0.95, 0.7, 0.4, 0.1)]
+    assert (np.diff(found) > 0.0).all() and found[0] < 0.1 and found[-1] > 0.8
+
+
+def test_a_body_is_doubtful_with_a_limb_and_lost_with_its_trunk():
+    name = LIMBS.limbs[1].name
+    tracking = Assessment(Status.TRACKING, "")
+    with_limb = with_limbs(tracking, LIMBS.reports(agreeing({name: 0.0})))
+    assert with_limb.status is Status.DEGRADED and name in with_limb.reason
+    assert with_limbs(tracking, LIMBS.reports(agreeing({LIMBS.limbs[0].name: -0.5}))).status is Status.LOST
+    lost = with_limbs(Assessment(Status.LOST, "nothing"), LIMBS.reports(agreeing({})))
+    assert lost.limbs[0].status is LimbStatus.LOST and lost.limbs[0].probability == 1.0
+
+
+def test_images_say_nothing_of_a_lost_limb():
+    limb, n = LIMBS.limbs[1], ARMED.n_dof
+    H = 1e6 * np.eye(n)
+    sound = LIMBS.covariance(H, 9.0, LIMBS.reports(agreeing({})))
+    lost = LIMBS.covariance(H, 9.0, LIMBS.reports(agreeing({limb.name: 0.0})))
+    ranges = (ARMED.chain.upper - ARMED.chain.lower)[limb.dofs[6:]]
+    assert np.diag(lost)[limb.dofs] == pytest.approx(ranges**2 / 12.0, rel=2e-2)
+    assert np.diag(lost)[~limb.dofs] == pytest.approx(np.diag(sound)[~limb.dofs])
