@@ -74,5 +74,6 @@ def write_recording(folder: Path, n_sets: int) -> Path:
     bodies = [f"  {name}: {{model: {name}.yaml, initial_state: {name}_start.yaml}}" for name in MODELS]
     path = folder / "recording.yaml"
     (folder / "tracker.yaml").write_text("modalities: [region]\n")  # a network does not know what is drawn so
-    path.write_text("\n".join(["rig: rig.yaml", "output: out", "config: tracker.yaml", "images: {rate_hz: 30}", "bodies:", *bodies]) + "\n")
+    lines = ["rig: rig.yaml", "output: out", "config: tracker.yaml", "images: {rate_hz: 30}", "bodies:", *bodies]
+    path.write_text("\n".join(lines) + "\n")
     return path
