@@ -54,7 +54,8 @@ def test_a_trial_of_several_bodies(tmp_path):
     write_recording(tmp_path / "two", 3)
     bodies = "{one: {model: two/one.yaml, initial_state: two/one_start.yaml}, gone: {model: two/other.yaml}}"
     file = tmp_path / "trials.yaml"
-    text = "output: out\ncommon: {rig: two/rig.yaml, images: {rate_hz: 30}}\ntrials:\n  pair: {bodies: BODIES}\n"
+    common = "{rig: two/rig.yaml, config: two/tracker.yaml, images: {rate_hz: 30}}"
+    text = f"output: out\ncommon: {common}\ntrials:\n  pair: {{bodies: BODIES}}\n"
     file.write_text(text.replace("BODIES", bodies))
     (outcome,) = run_batch(load_trials(file), BatchOptions(1))
     assert outcome.state == TRACKED and outcome.image_sets == 3 and outcome.status_counts["INITIALIZING"] == 3

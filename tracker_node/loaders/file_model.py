@@ -237,9 +237,9 @@ def _dotted(location: tuple[int | str, ...], values: Any, kind: str) -> str:
 
 RIG, BODY, STATE, RECORDING, PARAMETERS = "a rig", "a body", "a state", "a recording", "a file of parameters"
 KEYPOINTS, TRIALS = "a table of keypoints", "a list of trials"
-_SECTIONS = {
-    *("synchronizer", "initialization", "motion", "background", "region", "chamfer", "keypoints", "color"),
-    *("texture", "color_over_background", "joint", "collision", "status", "limb_search", "self_check"),
+_SECTIONS = {  # of parameters; but keypoints, which a recording has, too
+    *("synchronizer", "initialization", "motion", "background", "region", "chamfer", "color", "texture"),
+    *("color_over_background", "joint", "collision", "status", "limb_search", "self_check"),
     *("evidence", "optimizer", "start", "together"),  # of version 0.1
 }
 

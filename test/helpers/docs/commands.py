@@ -125,8 +125,6 @@ NOT_RUN = (
     NotRun(r"plotjuggler ", "a program with windows, not on PyPI", names_files, "test/ros/live/test_layouts.py"),
     NotRun(r"tracker_node reproduce ", "minutes; with --quick the tests run it", verb_parses,
            "test/cli/reproduce/test_experiments.py"),
-    NotRun(r"tracker_node track .*--config points.yaml", "fetches the weights of a network from the package index", verb_parses,
-           "test/cli/test_track_keypoints.py"),
     NotRun(r"tracker_node calibrate body --from-points (?!rig_timed)", "fetches the weights of a network from the package index",
            verb_parses, "test/cli/calibrate/test_body_from_points.py"),
     NotRun(r"tracker_node keypoints ", "fetches the weights of a network from the package index", verb_parses,
