@@ -99,7 +99,7 @@ def barred(background: np.ndarray, color_rgb: tuple[int, int, int], rng: np.rand
 
 
 def drawn(kind: str, body: str, seed: int) -> Scene:
-    model, states = BODIES[body](700 + seed)
+    model, states = BODIES[body].motion(700 + seed)
     states = placed(states, np.random.default_rng([seed, 41]))
     states, rig, rng = [*states, *states[::-1]], make_rig(SCENE), np.random.default_rng([seed, 42])
     limbs = limbs_of(model)

@@ -66,7 +66,8 @@ def test_three_ways_use_the_points_of_one_detector_and_are_compared(finished: De
                         "--no-evaluate"]  # fmt: skip
     assert points == ["track", recording, "--config", "sample/tracker_points.yaml", "--from-run-bag", "bag", "--output", "points",
                       "--no-evaluate"]  # fmt: skip
-    assert contours == ["track", recording, "--output", "contours", "--no-evaluate"]
+    assert contours[:3] == ["track", recording, "--config"] and contours[3].endswith("config/balancing.yaml")
+    assert contours[4:] == ["--output", "contours", "--no-evaluate"]
     assert comparison[:4] == ["evaluate", "bag", "points", "contours"]
     names = [comparison[i + 1] for i, option in enumerate(comparison) if option == "--name"]
     assert names == ["balancing_together", "balancing_points", "balancing"]

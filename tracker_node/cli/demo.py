@@ -78,11 +78,14 @@ def _by_contours(folder: Path) -> list[tuple[str, Callable[[], int]]]:
 
 def _three_ways(folder: Path) -> list[tuple[str, Callable[[], int]]]:
     """Together in a graph, whose detector finds the points; then each alone, the points being those of the bag."""
+    from ..loaders.fetched_files import data_file
+
     sample, (by_points, by_contours) = folder / "sample", (folder / name for name in ALONE)
     recording = sample / RECORDING
     graph = ("pipeline", recording, "--config", sample / TOGETHER, "--output", folder)
     points = ("track", recording, "--config", sample / POINTS, "--from-run-bag", folder / "bag", "--output", by_points)
-    contours = ("track", recording, "--output", by_contours)
+    # A sample of an earlier version is kept, and its parameters do not say that outlines are compared alone.
+    contours = ("track", recording, "--config", data_file("config/balancing.yaml"), "--output", by_contours)
     return [
         ("Tracking by contours and points together", partial(run_verb, *graph, "--no-evaluate")),
         ("Tracking by points alone", partial(run_verb, *points, "--no-evaluate")),
