@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     options = PipelineOptions(
         bodies=bodies,
         body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
-        modalities=config.modalities,
+        modalities=() if _chosen_by_ros(args) else config.modalities,
         source=_source_options(args),
         sources=dict(args.source),
         cameras=tuple(opened.cameras),
@@ -188,9 +188,14 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
     load_backgrounds(rig)
     if entry is not None:
         return load_config(args.config) if args.config else USUAL
-    if args.keypoints != "off" and all(map(is_person, models)):
-        return config_for(args.config, models[0], tell=lambda _: None)
+    if args.keypoints != "off" and all(map(is_person, models)) and not _chosen_by_ros(args):
+        return config_for(args.config, models[0], tell=lambda why: print(f"pipeline: {why}", file=sys.stderr, flush=True))
     return load_config(args.config) if args.config else TrackerConfig()
+
+
+def _chosen_by_ros(args: argparse.Namespace) -> bool:
+    """Whether arguments of ROS may say what is compared: they go before what suits people."""
+    return any(word == "--params-file" or "modalities:=" in word for word in args.ros_args)
 
 
 def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:

@@ -161,11 +161,9 @@ class ConfigParameters:
             self._redeclare(self.config)
 
     def without_effect(self, parameters: Sequence[Parameter]) -> SetParametersResult | None:
-        """Refusal of the first parameter of a modality that is not in use, by the modalities that it belongs to."""
+        """Refusal of the first parameter of a modality that is not in use, or of an earlier version, with what mends it."""
         try:
-            for parameter in parameters:
-                if parameter.name in self._known and not self._node.has_parameter(parameter.name):
-                    refuse_unused(self.config, parameter.name, parameter.value, self._source)
+            self._refuse_others(self.config, {p.name: p.value for p in parameters if not self._node.has_parameter(p.name)})
         except FileFormatError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return None
