@@ -206,7 +206,7 @@ def write(name, content):
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_one_line(tmp_path, capsys, make, change, arguments, said):
-    folder = make(tmp_path / "project")
+    folder = make(tmp_path / "all" / "session" / "project")  # calibrations are looked for around it: not in other tests' folders
     change(folder)
     arguments = [argument.format(folder=folder) for argument in arguments]
     assert main(["import", str(folder), "-o", str(tmp_path / "mine"), *arguments]) == 2
