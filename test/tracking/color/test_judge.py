@@ -109,6 +109,17 @@ def test_a_limb_whose_colors_are_not_there_is_lost_and_the_others_are_not():
     assert set(said(agreeing({}, seen=10.0)).values()) == {LimbStatus.UNSEEN}
 
 
+def test_one_part_of_a_body_with_joints_makes_its_limb_doubtful_and_of_a_thing_lost():
+    limb = next(limb for limb in LIMBS.limbs[1:] if limb.shapes.sum() > 1)
+    agreement = agreeing({})
+    agreement.squares[:, np.flatnonzero(limb.shapes)[0]] *= 20.0  # that part does not agree at all
+    assert said(agreement)[limb.name] is LimbStatus.DEGRADED
+    rigid = ColorLimbs(ArticulatedModel("rigid", BALLS.chain, BALLS.shapes))
+    pixels, squares = np.full((2, 2), 2000.0), np.array([[0.3, 1.3]] * 2)
+    (whole,) = rigid.reports(ColorAgreement(100.0 * pixels * squares, 100.0 * pixels, pixels))
+    assert whole.status is LimbStatus.LOST
+
+
 def test_probability_grows_as_agreement_shrinks():
     name = LIMBS.limbs[1].name
     found = [LIMBS.reports(agreeing({name: share}))[1].probability for share in (0.95, 0.7, 0.4, 0.1)]

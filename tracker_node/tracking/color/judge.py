@@ -62,10 +62,13 @@ class ColorLimbs:
         name, shares = self.limbs[index].name, self.shares[index]
         if np.isnan(shares).any():
             return LimbReport(name, LimbStatus.UNSEEN, "hidden, or out of the images", _DOUBTFUL)
-        probability = float(1.0 / (1.0 + np.exp(-COEFFICIENTS[0] - COEFFICIENTS[1:] @ np.clip(shares, -1.0, 1.0))))
+        probability = _probability(shares)
         if probability < _DOUBTFUL:
             return LimbReport(name, LimbStatus.TRACKING, "", probability)
-        status = LimbStatus.LOST if probability >= LOST else LimbStatus.DEGRADED
+        # Suits are not cut where the model's parts end, and things are as their models: the worst part of a body with joints
+        # makes a limb doubtful, not LOST
+        certain = probability if not len(self._ranges) else min(probability, _probability(shares[[0, 1, 1]]))
+        status = LimbStatus.LOST if certain >= LOST else LimbStatus.DEGRADED
         return LimbReport(name, status, f"colors agree to {100 * max(float(shares[1:].min()), 0.0):.0f} %", probability)
 
     def covariance(self, H: np.ndarray, variance: float, limbs: Sequence[LimbReport]) -> np.ndarray:
@@ -89,6 +92,11 @@ class ColorLimbs:
         variance *= _JOINTED if len(joints) else 1.0
         H[joints, joints] += variance * 12.0 / self._ranges**2
         return inverse_covariance(H, variance)
+
+
+def _probability(shares: np.ndarray) -> float:
+    """That a limb with these `MEASURES` is elsewhere."""
+    return float(1.0 / (1.0 + np.exp(-COEFFICIENTS[0] - COEFFICIENTS[1:] @ np.clip(shares, -1.0, 1.0))))
 
 
 class ColorJudge(Judge):
