@@ -97,14 +97,15 @@ class Run:
 
 def track(
     clip: Clip, config: TrackerConfig, sets: Iterable[ImageSet], progress: Callable[[int], None] = lambda n: None,
-    backgrounds: dict | None = None,
+    backgrounds: dict | None = None, people: Callable[[Tracker, ImageSet], ImageSet] | None = None,
 ) -> Run:  # fmt: skip
-    """Track from the clip's first pose; no background is known unless ``backgrounds`` says so."""
+    """Track from the clip's first pose; no background is known unless ``backgrounds`` says so; ``people`` finds them."""
     tracker = Tracker(clip.rig, clip.model, config, backgrounds or {}, clip.start)
     estimates, times = [], []
     gc.collect()
     gc.disable()
     for one in sets:
+        one = one if people is None else people(tracker, one)
         began = time.perf_counter()
         estimates.append(tracker.step(one))
         times.append(1e3 * (time.perf_counter() - began))

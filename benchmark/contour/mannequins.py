@@ -4,7 +4,9 @@
 A skinned, dressed body in captured motions, four cameras of 640x480 at 30 Hz, noise of 4 gray levels, blur of 0.6 px, lens
 distortion, colored patterns all around, a shadow. The body is first scaled by a T-pose, then fitted to images of the same
 person in another motion (`calibrate body`); ``--scaled`` leaves that out. ``mpjpe_mm`` has one constant offset per joint taken
-out, in the frame of its segment, ``mpjpe_world_mm`` in the world, ``mpjpe_raw_mm`` none.
+out, in the frame of its segment, ``mpjpe_world_mm`` in the world, ``mpjpe_raw_mm`` none. ``own_shapes``: a person drawn from the
+tracker's own model, to which a network's points are worse than lines. ``..._together``: the same clips by points and contours,
+the default for people.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import cv2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from benchmark.clothed._people import KeptPeople
 from benchmark.contour._fitted_body import fitted_body, with_body
 from benchmark.contour._runs import (
     SCENE,
@@ -32,14 +35,17 @@ from benchmark.contour._runs import (
 )
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.evaluation.evaluate import Evaluation
+from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.synthesis.recording import Request, default_motions
 from tracker_node.synthesis.scenes.scene import SceneConfig
 
 PERSON_SCENE = replace(SCENE, distortion=SceneConfig().distortion, shadow=True)
-CLIPS = ("spinkick", "cartwheel", "walk")
+OWN_SHAPES = "own_shapes"
+CLIPS = ("spinkick", "cartwheel", OWN_SHAPES, "walk")
 BODY_CLIP = "dance_a"  # the body is fitted to this one
-QUICK_IMAGES = 12
+QUICK_IMAGES, OWN_IMAGES = 12, 60
+BOTH = ("region", "keypoints")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -54,14 +60,19 @@ def main(arguments: list[str] | None = None) -> int:
         if not args.scaled:
             body = fitted_body(recorded(f"mannequin_{BODY_CLIP}_4", request, args.cache), config, args.body, args.refit)
         for name in args.only or (CLIPS[-1:] if args.quick else CLIPS):
-            clip = recorded(f"mannequin_{name}_4", replace(request, motion=name), args.cache)
-            if body is not None:
+            own = {"subject": "model", "motion": "waves", "motions": None, "n_images": OWN_IMAGES} if name == OWN_SHAPES else {}
+            key = OWN_SHAPES if own else f"mannequin_{name}"
+            clip = recorded(f"{key}_4", replace(request, **(own or {"motion": name})), args.cache)
+            if body is not None and not own:
                 clip = with_body(clip, body)
-            run = track(clip, config, clip.sets(limit=QUICK_IMAGES if args.quick else None))
-            result = judged(clip, run, f"mannequin_{name}")
-            report_lost(result)
-            figures |= person_figures(result)
-            figures |= time_figures(run, config, f"mannequin_{name}")
+            for kind, people in (("", None), ("_together", KeptPeople(pose_weights(), args.cache / f"{key}.sqlite"))):
+                used = config if people is None else replace(config, modalities=BOTH)
+                found = None if people is None else lambda tracker, one, people=people: people.with_people(tracker, one)[0]
+                run = track(clip, used, clip.sets(limit=QUICK_IMAGES if args.quick else None), people=found)
+                result = judged(clip, run, f"{key}{kind}")
+                report_lost(result)
+                figures |= person_figures(result)
+                figures |= time_figures(run, used, f"{key}{kind}")
     except TrackerError as error:
         print(f"contour_mannequin: error: {error}", file=sys.stderr)
         return 2

@@ -50,7 +50,8 @@ class Landmark:
 class ArticulatedModel:
     """A body that can be posed. A rigid object is one link without joints.
 
-    ``symmetric``: turns that map the body onto itself do not matter.
+    ``symmetric``: turns that map the body onto itself do not matter. ``clothed``: the shapes are those that images show, clothes
+    included, as of a body that was fitted to images.
     """
 
     name: str
@@ -58,6 +59,7 @@ class ArticulatedModel:
     shapes: tuple[Shape, ...]
     landmarks: tuple[Landmark, ...] = ()
     symmetric: bool = False
+    clothed: bool = False
 
     shape_links: np.ndarray = field(init=False, repr=False, compare=False)  # (n_shapes,) link index
     Ts_link_shape: np.ndarray = field(init=False, repr=False, compare=False)  # (n_shapes, 4, 4)

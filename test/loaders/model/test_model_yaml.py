@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,11 @@ def test_turns_do_not_matter_of_a_thing_only(model_path, tmp_path):
     thing = ArticulatedModel("t", KinematicChain(("t",), ()), (Shape("b", "t", Box((0.1, 0.2, 0.3))),), symmetric=True)
     dump_model(thing, tmp_path / "t.yaml")
     assert load_model(tmp_path / "t.yaml").symmetric and not load_model(_written(tmp_path, MODEL)).symmetric
+
+
+def test_a_body_in_its_clothes_is_written_and_read(tmp_path):
+    dump_model(replace(load_model(_written(tmp_path, MODEL)), clothed=True), tmp_path / "c.yaml")
+    assert load_model(tmp_path / "c.yaml").clothed and not load_model(_written(tmp_path, MODEL)).clothed
 
 
 def _written(folder: Path, text: str) -> Path:

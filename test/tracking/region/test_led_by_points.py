@@ -56,6 +56,34 @@ def test_a_body_that_nobody_has_told_anything_of_is_tracked_from_the_first_set_o
     assert all(camera.samples > 100 for camera in followed[0].cameras)  # lines, not points
 
 
+def test_a_body_that_is_drawn_from_the_model_has_no_clothes_around_it(clip, followed):
+    """Its points are those of a person in clothes; lines know better from the second set on."""
+    assert clip.errors_mm(followed)[1:].mean() < 5.0
+    surfaces = make_engine(clip.rig, clip.model, from_dict(BOTH), {}).surfaces
+    assert surfaces is not None and np.abs(surfaces).max() > 0.03  # what is expected of others
+
+
+def mistaken(clip: Recording, i: int) -> list:
+    """The left arm is seen hanging in all cameras but one, where it is not."""
+    hanging = State(clip.states[i].T_world_root, clip.states[i].joint_positions.copy())
+    for name in ("elevation_front", "elevation_back"):
+        hanging.joint_positions[clip.model.chain.axis_index(f"left_shoulder_{name}")] -= np.radians(50.0)
+    right, wrong = seen(clip, i), seen_by(clip.rig, hanging, np.random.default_rng(i), 0.7)
+    return [replace(one, silhouette=both.silhouette) for one, both in zip([*wrong[:3], right[3]], right, strict=True)]
+
+
+@pytest.mark.parametrize("clothed", (False, True))
+def test_points_that_err_do_not_take_a_limb_from_contours_on_the_shapes_of_a_clothed_body(clip, clothed):
+    made = Tracker(clip.rig, replace(clip.model, clothed=clothed), from_dict(BOTH), None, clip.states[0])
+    if not clothed:
+        made._track.engine.modalities[0].surface_filter._n_left = 0  # it is taken for somebody in clothes
+    estimates = [made.step(with_people(clip, i, None if i < 3 else mistaken(clip, i))) for i in range(7)]
+    off = clip.errors_mm(estimates)[:, clip.model.landmark_index("left_wrist")]
+    assert (off[1:] < 10.0).all() if clothed else off.max() > 100.0
+    limb = {limb.name: limb.status for limb in estimates[-1].limbs}["left_hand"]
+    assert limb is not LimbStatus.TRACKING  # two see it in two places
+
+
 def test_a_limb_that_is_elsewhere_at_first_is_where_its_points_are(clip):
     """Too far for lines, and nothing is searched."""
     start = State(clip.states[0].T_world_root.copy(), clip.states[0].joint_positions.copy())
@@ -183,6 +211,9 @@ def test_lines_of_one_camera_count_little_beside_points(clip, engine):
 
 def test_surfaces_and_offsets_are_followed_once_a_set(clip, engine):
     region, points = engine.modalities
+    region.surface_filter.reset()
+    while region.surface_filter.rival is not None:
+        region.surface_filter.compare(0.02)  # it is taken for somebody in clothes
     fit = engine.fit(clip.states[1], first=False)
     engine.assess(fit, clip.sets[1])
     before = region._surfaces.surfaces, points.offsets.body

@@ -1,5 +1,7 @@
 """Surfaces followed from set to set."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,34 @@ def test_a_set_counts_with_its_wobble_and_as_one_in_so_many(size):
         np.testing.assert_allclose(made.surfaces.covariances[k], np.linalg.inv(prior + says), rtol=1e-5, atol=1e-12)
         expected = np.linalg.solve(prior + says, prior @ before.means[k] + says @ ALONE[k])
         np.testing.assert_allclose(made.surfaces.means[k], expected, atol=1e-9)
+
+
+def is_own(filter_: SurfaceFilter) -> bool:
+    return not filter_.surfaces.means.any() and bool((filter_.surfaces.covariances < 0.0051**2).all())
+
+
+def test_contours_that_lie_on_the_shapes_decide_for_them():
+    made = SurfaceFilter(HUMAN, CONFIG)
+    assert made.rival is not None and not is_own(made)
+    made.compare(0.009)
+    assert made.rival is not None and not is_own(made)
+    made.compare(0.003)
+    assert made.rival is None and is_own(made)
+    made.reset()
+    assert made.rival is not None and not is_own(made)
+
+
+def test_after_a_few_sets_clothes_are_taken_for_granted():
+    made, n = SurfaceFilter(HUMAN, CONFIG), 0
+    while made.rival is not None and n < 100:
+        made.compare(0.02)
+        n += 1
+    assert 1 < n < 20 and not is_own(made)
+
+
+def test_the_shapes_of_a_clothed_model_are_those_that_are_seen():
+    made = SurfaceFilter(replace(HUMAN, clothed=True), CONFIG)
+    assert made.rival is None and is_own(made)
 
 
 def test_parts_that_are_elsewhere_stay_as_they_were():

@@ -159,7 +159,8 @@ def fit_body(
     lines = loop.draw(problem, after.found), loop.draw(problem, before.found)
     covariance, _ = shared_covariance(problem, lines[0], after.found, options.robust_px[-1])
     report = _report(problem, before, after, lines[1], lines[0], held_by * np.sqrt(np.diag(covariance)), loop.iterations)
-    return BodyFit(space.body(after.found.s), after.found.states, report)
+    body = replace(space.body(after.found.s), clothed=model.clothed or "girth" in options.groups)
+    return BodyFit(body, after.found.states, report)
 
 
 def _silent(what: str, done: int, total: int) -> None:

@@ -245,6 +245,7 @@ class ModelFile(FileModel):
     shapes: dict[str, ShapeEntry] = Field(default_factory=dict)
     landmarks: dict[str, LandmarkEntry] = Field(default_factory=dict)
     symmetric: bool = False
+    clothed: bool = False
 
     @model_validator(mode="after")
     def _fits_together(self) -> ModelFile:

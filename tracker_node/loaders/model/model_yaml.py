@@ -75,7 +75,7 @@ def _build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:
         primitive = _primitive(shape, path, f"shapes.{name}")
         shapes.append(Shape(name, shape.link, primitive, transform_of(shape.xyz, shape.rpy_deg), shape.color_rgb))
     landmarks = tuple(Landmark(name, mark.link, mark.xyz) for name, mark in model_file.landmarks.items())
-    return ArticulatedModel(model_file.name, chain, tuple(shapes), landmarks, model_file.symmetric)
+    return ArticulatedModel(model_file.name, chain, tuple(shapes), landmarks, model_file.symmetric, model_file.clothed)
 
 
 def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> None:
@@ -103,8 +103,7 @@ def dump_model(model: ArticulatedModel, path: str | Path, comment: str = "") -> 
         "shapes": {shape.name: _shape_values(shape, path) for shape in model.shapes},
         "landmarks": {m.name: {"link": m.link, "xyz": [float(v) for v in m.position]} for m in model.landmarks},
     }
-    if model.symmetric:
-        values["symmetric"] = True
+    values |= {name: True for name in ("symmetric", "clothed") if getattr(model, name)}
     validate(ModelFile, values, path)  # never write what could not be read again
     write_mapping(values, path, comment or "Articulated model; the format is described in docs/formats.md.")
 

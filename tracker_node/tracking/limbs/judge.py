@@ -211,7 +211,7 @@ class LimbJudge:
 
     def update(
         self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None,
-        helped: bool = False, common: np.ndarray | None = None,
+        helped: bool = False, common: np.ndarray | None = None, clothed: bool = False,
     ) -> tuple[LimbReport, ...]:  # fmt: skip
         """Take in an image set.
 
@@ -223,6 +223,7 @@ class LimbJudge:
         others : (n_limbs,) log odds of being lost by the points of a detector, nan without any; None: no detector has looked.
         helped : silhouettes of a detector help to find the outlines.
         common : (n_limbs,) mask of those whose colors are all around: little tells them from what is behind; None: of none.
+        clothed : the body's shapes are those that are seen: outlines count beside points as they do alone.
 
         Returns
         -------
@@ -238,9 +239,11 @@ class LimbJudge:
         if others is None:
             others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
+        beside = self._config.evidence_limit if clothed else _BESIDE
         empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
-        return tuple(self._limb(i, measures[i], float(sigmas[i]), float(others[i]), told[i]) for i in range(len(self.limbs)))
+        each = zip(measures, sigmas.tolist(), others.tolist(), told, strict=True)
+        return tuple(self._limb(i, *of_limb, beside) for i, of_limb in enumerate(each))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
         """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
@@ -286,7 +289,9 @@ class LimbJudge:
         paired = zip(self.limbs, self.probabilities, strict=True)
         return tuple(LimbReport(limb.name, LimbStatus.UNSEEN, "in no image", float(p)) for limb, p in paired)
 
-    def _limb(self, i: int, measures: np.ndarray | None, sigma_m: float, others: float, told: bool) -> LimbReport:
+    def _limb(
+        self, i: int, measures: np.ndarray | None, sigma_m: float, others: float, told: bool, beside: float
+    ) -> LimbReport:  # fmt: skip
         config, limb, before = self._config, self.limbs[i], self.probabilities[i]
         p = before * (1.0 - config.limb_recovery) + (1.0 - before) * config.limb_loss
         elsewhere = _beyond(LOST_TIP_M, sigma_m)
@@ -297,7 +302,7 @@ class LimbJudge:
             assert self._levels is not None
             outline, self.shares[i] = self.odds(i, measures), np.minimum(measures / self._levels[i], _MOST_OF_LEVEL)
         if i > 0 and not math.isnan(others):
-            agrees = others + max(outline, -_BESIDE) <= _CONFIRMED
+            agrees = others + max(outline, -beside) <= _CONFIRMED
             self._confirmed[i] = agrees and sigma_m <= _KNOWN_M
             self._guessed[i] = not agrees and sigma_m <= (_KNOWN_M if p < config.limb_lost else LOST_TIP_M)
         others = 0.0 if math.isnan(others) else others
@@ -305,7 +310,7 @@ class LimbJudge:
             self.probabilities[i] = p
             return LimbReport(limb.name, LimbStatus.UNSEEN, "hidden, or in no image", 1.0 - (1.0 - p) * (1.0 - elsewhere))
         if others:  # which limb it is they know; how much of an outline is found depends on clothes and walls
-            outline = min(max(outline, -_BESIDE), _BESIDE)
+            outline = min(max(outline, -beside), beside)
         odds = min(max(outline + others, -config.evidence_limit), config.evidence_limit)
         p = min(max(1.0 / (1.0 + (1.0 - p) / p * math.exp(-odds)), _LEAST), 1.0 - _LEAST)
         if i > 0 and not others and not told and p > before:

@@ -31,6 +31,7 @@ _FIRST_RATE = 0.9  # weight of the first image set in how well contours fit; lat
 _USUAL_SPREAD = 0.7  # of residuals beside what they are taken to have, on rendered clips and on recorded ones
 _LEAST_SHARE = 0.5  # what is left for kernels so narrow that most residuals are outliers
 _ALONE = 0.05  # what lines of one camera count for beside points: see `RegionFitting.share`
+_OWN_STEPS = 4  # on the finest lines, from clothes to the model's own surfaces
 _PART_SCALES = (4.0, 2.0, 1.0)  # pixels from place to place on the lines by which single limbs are fitted
 _PART = LevenbergMarquardtOptions(max_iterations=3, tolerance=1e-3)
 
@@ -138,6 +139,22 @@ class RegionFitting:
             fit.state, objective.linearize(fit.state), fit.iterations, fit.evaluations, fit.converged, lines, objective,
             fit.comparison, model_sigma_px=fit.model_sigma_px,
         )  # fmt: skip
+
+    def finds_own_surfaces(self, state: State) -> bool:
+        """Whether surfaces turn out to be the model's own, not a clothed body's: a fit with them leaves little."""
+        beliefs = self.region.surface_filter
+        own = None if beliefs is None else beliefs.rival
+        if beliefs is None or own is None:
+            return False
+        stages = [Stage(LineDetail(self._finest, self._config.region.model_sigma_px, own))] * _OWN_STEPS
+        priors = [staying(state, self._config.motion), *self._resting]
+        fit = self._fitter.fit(state, self.region, stages, priors, independent=self.points_at(state))
+        lines = fit.correspondences
+        assert isinstance(lines, LineCorrespondences)
+        spread = lines.at(fit.state).spread_px
+        if spread is not None:
+            beliefs.compare(spread / self.region.size(fit.state)[1])
+        return beliefs.are_own
 
     def points_at(self, start: State) -> list[KeypointCorrespondences]:
         """The detected points of the present set, if there are any."""

@@ -30,14 +30,19 @@ from .appearance import RegionAppearance
 
 _BODY_PX = 300.0  # of a body whose lines are as long as stated; others have theirs with their size
 _LARGE_PX = 450.0  # of a body, above which contours are close within more than `region.inlier_px`
+_OWN_SIGMA_M = 0.003  # of surfaces that are the model's own, of a body of the default size
+_OWN_SPREAD = 2.0  # of contours about them, in these; four to six on people in clothes and mannequins, one on the own shapes
+_COMPARISONS = 6  # with them, by the first fits
 
 
 @dataclass(frozen=True)
 class LineDetail:
-    """How lines are drawn: pixels from place to place on a line; standard deviation of contours beyond what their lines say."""
+    """How lines are drawn: pixels from place to place on a line; standard deviation of contours beyond what their lines say;
+    where surfaces are beside the shapes, None: as they are known."""
 
     scale: float
     model_sigma_px: float
+    surfaces: Surfaces | None = None
 
 
 def line_options(config: TrackerConfig) -> LineOptions:
@@ -103,6 +108,16 @@ class RegionModality(Modality):
         """See `Modality.surfaces`; followed while points hold the joints."""
         return None if self._surfaces is None else self._surfaces.surfaces.means
 
+    @property
+    def surface_filter(self) -> SurfaceFilter | None:
+        """Follows the surfaces; None where nothing else holds the joints."""
+        return self._surfaces
+
+    @property
+    def is_clothed(self) -> bool:
+        """Whether contours are known to lie on the model's own shapes."""
+        return self._surfaces is not None and self._surfaces.are_own
+
     def others(self) -> Sequence[Neighbor]:
         """Other bodies that stand about."""
         return self._occluders.others
@@ -145,7 +160,7 @@ class RegionModality(Modality):
 
     def correspond(self, state: State, detail: LineDetail) -> LineCorrespondences:
         """Lines of the contours that are seen in a state."""
-        surfaces = None if self._surfaces is None else self._surfaces.surfaces
+        surfaces = detail.surfaces or (None if self._surfaces is None else self._surfaces.surfaces)
         self._latest = self._drawer.draw(self.views, state, detail.scale, detail.model_sigma_px, self._offsets(state), surfaces)
         return self._latest
 
@@ -247,6 +262,9 @@ def _reach(Ts_shape, bounds, along, depths):
 class SurfaceFilter:
     """Beliefs of the surfaces, one a part; needs joints that something else holds in place, such as a detector's points.
 
+    They are expected as on people in clothes, unless the model says that its shapes are clothed, or contours show it in the first
+    fits, as of a body that was drawn from the model.
+
     Parameters
     ----------
     model, config : body, parameters.
@@ -254,6 +272,7 @@ class SurfaceFilter:
     Attributes
     ----------
     surfaces : as they are known now.
+    are_own : whether they were found to be the model's own.
     """
 
     def __init__(self, model: ArticulatedModel, config: KeypointConfig):
@@ -261,12 +280,32 @@ class SurfaceFilter:
         self._config, self._wobble = config, (size * config.surface_wobble_m) ** 2 * np.eye(N_UNKNOWNS)
         means, sigmas = expected_surfaces(model)
         sigmas = size * config.surface_scale * sigmas
-        self._first = Surfaces(size * means, sigmas[:, :, None] ** 2 * np.eye(N_UNKNOWNS))
-        self.surfaces = self._first
+        self._in_clothes = Surfaces(size * means, sigmas[:, :, None] ** 2 * np.eye(N_UNKNOWNS))
+        self._own_sigma_m = size * _OWN_SIGMA_M
+        self._own = Surfaces(np.zeros_like(means), np.tile(self._own_sigma_m**2 * np.eye(N_UNKNOWNS), (len(means), 1, 1)))
+        self._clothed = model.clothed
+        self.reset()
 
     def reset(self) -> None:
         """Back to what is expected before anything has been seen."""
-        self.surfaces = self._first
+        self.are_own, self._n_left = self._clothed, 0 if self._clothed else _COMPARISONS
+        self.surfaces = self._own if self._clothed else self._in_clothes
+
+    @property
+    def rival(self) -> Surfaces | None:
+        """The model's own surfaces, as long as it is open whether they are seen."""
+        return self._own if self._n_left else None
+
+    def compare(self, spread_m: float) -> None:
+        """Take in how far contours are from the model's own surfaces.
+
+        Parameters
+        ----------
+        spread_m : standard deviation of contours about the best fit with the `rival`, beyond what their lines allow for.
+        """
+        self._n_left -= 1
+        if spread_m < _OWN_SPREAD * self._own_sigma_m:
+            self.surfaces, self.are_own, self._n_left = self._own, True, 0
 
     def update(self, sums: SurfaceSums, trusted: np.ndarray) -> None:
         """Take in what the lines of one set say.

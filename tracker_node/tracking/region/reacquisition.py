@@ -11,7 +11,7 @@ import numpy as np
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
+from ...model.configuration import State, configured
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.constraints.prior import Prior
 from ...objective.lines.correspondences import PartEvidence
@@ -36,6 +36,7 @@ _UNCERTAIN_M = 0.15  # standard deviation of where a limb's end is expected, bey
 _FIRST_ROUNDS = 3  # of trying all limbs elsewhere, at most, on the first image set
 _REST_SETS = 3  # from one search for limbs to the next while points come, which do without: live, one after another is too much
 _POINTS_COME = 30  # image sets since the last points, within which they do
+_FAR_M = 0.1  # of a part where points have led it from where it is expected, beyond which contours are asked
 _RIVAL_SETS = 3  # from one look for a place that a limb may have as well to the next: it takes as long as half an image set
 
 
@@ -195,8 +196,25 @@ class Reacquisition(Solver):
         led = points.fit(start, first, prior).state
         found = None if first or self._judge.body_lost else self._limbs_by_points(points, led)
         if found is None:
-            return self._fitting.redrawn(self._fitting.fit(led, scales, prior, self._model_sigma_px))
-        return replace(self._fitting.redrawn(self._fitting.fit(found, scales, None, self._model_sigma_px)), jumped=True)
+            fit = self._fitting.fit(led, scales, prior, self._model_sigma_px)
+        else:
+            fit = replace(self._fitting.fit(found, scales, None, self._model_sigma_px), jumped=True)
+        if self._fitting.finds_own_surfaces(fit.state):
+            fit = self._fitting.fit(fit.state, scales, prior, self._model_sigma_px)
+        held = None if first else self._held_by_lines(fit, start, prior)
+        return replace(self._fitting.redrawn(held or fit), jumped=held is None and fit.jumped)
+
+    def _held_by_lines(self, fit: LineFit, start: State, prior: Prior | None) -> LineFit | None:
+        """A fit from where the body is expected, where points have led ``fit`` far from there, and colors speak against it.
+
+        Contours that lie on the model's own shapes tell that; around clothes they do not, and points that err are rarer.
+        """
+        if not self._fitting.region.is_clothed:
+            return None
+        apart = configured(self._model, fit.state).Ts_world_shape - configured(self._model, start).Ts_world_shape
+        if np.linalg.norm(apart[:, :3, 3], axis=1).max() < _FAR_M:
+            return None
+        return self._if_better(start, fit, prior)
 
     def _limbs_by_points(self, points: KeypointFitting, led: State) -> State | None:
         """The state with LOST limbs where their points are; None where none is elsewhere."""
