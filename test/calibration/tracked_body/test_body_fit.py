@@ -26,6 +26,7 @@ def fits():
 
 @pytest.mark.parametrize("kind", ("silhouette", "region"))
 def test_lengths_and_girths_of_a_person_are_found(fits, kind):
+    assert fits[kind].model.clothed and not pictures().given.clothed
     errors = {p.name: abs(p.value - s) for p, s in zip(fits[kind].report.parameters, pictures().s, strict=True)}
     limbs = ("thigh", "shank", "upper_arm", "forearm", "foot")
     assert max(errors[f"length {name}"] for name in limbs) < 0.02

@@ -12,7 +12,7 @@ from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.objective.normal_equations import CameraEquations, Comparison, NormalEquations
-from tracker_node.tracking.cameras.self_check import SelfCheck, SelfCheckOptions, _Block, _Fit, _turn_twists
+from tracker_node.tracking.cameras.self_check import SelfCheck, SelfCheckOptions, _Block, _Fit, _regular, _turn_twists
 from tracker_node.tracking.estimate import DELAYED, TURNED, CameraFault
 
 RATE_HZ, BEGIN_NS, SIGMA_PX = 30.0, 10**9, 1.0
@@ -314,3 +314,15 @@ def test_a_degree_of_freedom_that_no_image_tells_of_is_no_obstacle():
     fit = Comparison(state_at(0.1), NormalEquations(H, np.zeros(n), 0.0, 1), nothing)
     L, e = SelfCheck(rig, MODEL)._marginal(fit, np.ones(n))
     assert not L.any() and not e.any()
+
+
+def test_what_is_told_of_a_fault_is_never_less_than_nothing():
+    """Turns and delays have other units; a direction of negative information is one of which nothing is known."""
+    axes = np.linalg.qr(np.random.default_rng(5).normal(size=(4, 4)))[0]
+    scale = np.array([1e4, 1e4, 1e4, 3.0])
+    for least in (0.2, -0.1):
+        A = (axes * [1.0, 0.7, 0.4, least]) @ axes.T * np.outer(scale, scale)
+        made = _regular(A)
+        assert np.linalg.eigvalsh(made)[0] > 0.0 and (np.linalg.inv(made).diagonal() > 0.0).all()
+        assert np.allclose(made, A, rtol=1e-9) == (least > 0.0)
+    assert np.linalg.eigvalsh(_regular(np.zeros((4, 4))))[0] > 0.0
