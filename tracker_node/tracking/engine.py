@@ -422,7 +422,15 @@ class Engine(AnyEngine):
 
 
 class InformationOf(Protocol):
-    """A modality in gray levels, whose correspondences can be had in information units."""
+    """A modality in gray levels, whose correspondences can be had in information units.
+
+    Attributes
+    ----------
+    leads : whether it tells enough of the body to say where that is, before another one refines it.
+    """
+
+    @property
+    def leads(self) -> bool: ...
 
     def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
         """Correspondences at ``state`` without priors, and their unit in units of information."""
@@ -523,8 +531,13 @@ class JointEngine(SequentialEngine):
         self._beside, self._chain, self._config = beside, chain, config
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Fit one after the other, then to the sum of both."""
-        fit = super().fit(start, first, prior)
+        """Fit one after the other, then to the sum of both; the first does not lead where it tells few parts from each other."""
+        if self._waiting or self._beside.leads:
+            fit = super().fit(start, first, prior)
+        else:
+            self._lost = self._jumped = False
+            self._second.observe(self._images, start, self._delays)
+            fit = self._fit_second(start, first, prior)
         if self._lost:
             return fit
         options = LevenbergMarquardtOptions(max_iterations=self._config.iterations, tolerance=1e-3)

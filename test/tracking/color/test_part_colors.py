@@ -54,6 +54,14 @@ def test_colors_follow_by_their_share_where_they_are_seen():
     np.testing.assert_array_equal(colors.rgb[1], PAINTED)
 
 
+def test_links_of_one_cloth_are_not_told_from_each_other():
+    """The root mean square over channels counts: 60 levels in one of three are 35."""
+    near, far = PartColors(painted([(200, 60, 40), (200, 80, 40), (200, 80, 40)]), RIG), PartColors(painted(PAINTED), RIG)
+    assert far.distinct_links(55.0).all() and far.distinct_links(30.0).all()
+    assert not near.distinct_links(30.0).any() and near.distinct_links(0.0).all()
+    assert PartColors(painted([(200, 60, 40), (200, 60, 100), (200, 60, 100)]), RIG).distinct_links(30.0).sum() == 2
+
+
 def test_a_model_has_colors_if_one_shape_has():
     with pytest.raises(ModelError, match=r"model 'arm' has no colors: expected color_rgb of its shapes, or the parameter"):
         check_colors(PLAIN)
