@@ -15,7 +15,6 @@ from ..errors import CalibrationError, TrackerError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Neighbor, State, configured
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
-from ..model.kinematic_chain import N_ROOT_DOF
 from ..objective.constraints.prior import Prior
 from ..observation.exposure import Exposures
 from ..observation.image_set import ImageSet
@@ -39,7 +38,7 @@ from .keypoints.crops import crops_of
 from .keypoints.late import LatePoints, PastSet
 from .modality import Images, PeopleSeen
 from .motion.model import ExposureDelays, MotionModel, Prediction
-from .uncertainty.covariance import ImageEvidence, fit_covariance, without_direction
+from .uncertainty.covariance import ImageEvidence, fit_covariance, limits_information, without_direction
 from .uncertainty.symmetry import Symmetry, symmetry_of
 
 _LOST_SETS = 2  # image sets in which a body was LOST, after which a detector's points say where it is
@@ -655,8 +654,7 @@ class Tracker:
         if prior is not None:
             prior.add_to(H, np.zeros(n), state)
         if weights is not None:  # of what is not seen, the limits of its joints are known
-            ranges = self.model.chain.upper - self.model.chain.lower
-            H[np.diag_indices(n)] += (1.0 - weights**2) * np.concatenate([np.zeros(N_ROOT_DOF), 12.0 / ranges**2])
+            H[np.diag_indices(n)] += limits_information(self.model.chain, 1.0 - weights**2)
         if evidence is not None and weights is not None:
             evidence = evidence.weighted(weights, self.model.chain.link_moved_by)
         return fit_covariance(H, evidence, configured(self.model, state))

@@ -78,6 +78,25 @@ def test_the_gradient_is_that_of_the_cost(images, representation, level):
         assert np.linalg.norm((numeric - analytic)[moves]) < 0.12 * np.linalg.norm(numeric[moves])
 
 
+def test_points_are_not_held_where_they_begin(images):
+    """They begin in the middle of pixels: were the image bent there, any step would cost as its length, not as its square."""
+    here = photometry(images).correspond(TRUTH, 0)
+    for direction in np.eye(ARM.n_dof)[:3]:  # up to a fifth of a pixel, which is 7 mm wide
+
+        def rise(step_m, direction=direction):
+            costs = [here.cost(TRUTH.retract(side * step_m * direction)) for side in (-1.0, 1.0)]
+            return sum(costs) - 2.0 * here.cost(TRUTH)
+
+        assert rise(1.4e-3) == pytest.approx(16.0 * rise(0.35e-3), rel=0.1)
+
+
+def test_information_on_links_is_that_of_the_state(images):
+    here, body = photometry(images).correspond(TRUTH, 0), Configuration(ARM, TRUTH)
+    J = np.where(ARM.chain.link_moved_by[:, :, None], body.twists, 0.0)
+    H = (J @ here.link_information(TRUTH) @ np.swapaxes(J, 1, 2)).sum(axis=0)
+    np.testing.assert_allclose(H, here.linearize(TRUTH).H, rtol=1e-9, atol=1e-6)
+
+
 def test_a_body_that_is_off_comes_back(images):
     """Fifteen pixels and fifteen degrees: a pixel is 7 mm wide."""
     start = TRUTH.retract(np.array([0.06, 0.05, -0.05, 0.1, -0.1, 0.1, 0.25, 0.2]))
@@ -100,7 +119,7 @@ def test_nothing_is_won_by_hiding_or_leaving(images):
     away, sums = here.cost(gone), here.sums(gone)
     np.testing.assert_array_equal(sums[:, COUNT], count)
     np.testing.assert_allclose(sums[:, COST], count * 50.0**2 * np.log(2.0))
-    assert right < 0.2 * away
+    assert right < 0.25 * away
     assert not here.linearize(gone).g.any()
 
 

@@ -6,14 +6,14 @@ import pytest
 from helpers.cameras.render_scenes import LENSES, look_at
 from tracker_node.camera.rig import CameraRig
 from tracker_node.model.articulated import ArticulatedModel, Shape
-from tracker_node.model.configuration import State
+from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
 from tracker_node.objective.points.photometry import PhotometryOptions
 from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.color.agreement import ColorAgreement, agreement_of
-from tracker_node.tracking.color.judge import ColorLimbs, assess_colors, with_limbs
+from tracker_node.tracking.color.judge import ColorLimbs, _common_shift, assess_colors, with_limbs
 from tracker_node.tracking.config import ColorConfig
 from tracker_node.tracking.estimate import LimbStatus, Status
 
@@ -136,11 +136,48 @@ def test_a_body_is_doubtful_with_a_limb_and_lost_with_its_trunk():
     assert lost.limbs[0].status is LimbStatus.LOST and lost.limbs[0].probability == 1.0
 
 
+def covariance(shares: dict[str, float]) -> np.ndarray:
+    """Of the neutral body, whose links are known to five millimeters and milliradians where all agree to 0.95."""
+    agreement, normal = agreeing(shares), np.tile(4e4 * np.eye(6), (len(ARMED.chain.links), 1, 1))
+    reports = LIMBS.reports(agreement)
+    return LIMBS.covariance(normal, 1.0, agreement, reports, Configuration(ARMED, State.neutral(ARMED)))[0]
+
+
 def test_images_say_nothing_of_a_lost_limb():
-    limb, n = LIMBS.limbs[1], ARMED.n_dof
-    H = 1e6 * np.eye(n)
-    sound = LIMBS.covariance(H, 9.0, LIMBS.reports(agreeing({})))
-    lost = LIMBS.covariance(H, 9.0, LIMBS.reports(agreeing({limb.name: 0.0})))
+    limb = LIMBS.limbs[1]
+    lost = covariance({limb.name: 0.0})
     ranges = (ARMED.chain.upper - ARMED.chain.lower)[limb.dofs[6:]]
     assert np.diag(lost)[limb.dofs] == pytest.approx(ranges**2 / 12.0, rel=2e-2)
-    assert np.diag(lost)[~limb.dofs] == pytest.approx(np.diag(sound)[~limb.dofs])
+    assert np.abs(lost[limb.dofs][:, ~limb.dofs]).max() < 1e-3 * np.diag(lost)[limb.dofs].min()
+    assert np.diag(lost)[~limb.dofs].max() < 1e-2
+
+
+def test_what_does_not_agree_is_less_certain_by_its_square():
+    """Three times as much disagrees, of the whole body and of one limb."""
+    sound, all_off = covariance({}), covariance({limb.name: 0.85 for limb in LIMBS.limbs})
+    assert np.diag(all_off) == pytest.approx(9.0 * np.diag(sound), rel=0.05)
+    limb = LIMBS.limbs[1]
+    one_off = np.diag(covariance({limb.name: 0.85})) / np.diag(sound)
+    assert one_off[limb.dofs].min() > 3.0 and one_off[~limb.dofs].max() < 2.0
+
+
+def test_shading_hardly_tells_how_a_round_part_is_turned_about_its_axis():
+    turned = Configuration(ARMED, State.neutral(ARMED).retract(np.linspace(-0.2, 0.3, ARMED.n_dof)))
+    axis = LIMBS._axes[1]
+    T = turned.Ts_world_link[axis.link]
+    direction, point = T[:3, :3] @ axis.direction, T[:3, :3] @ axis.point + T[:3, 3]
+    roll = np.concatenate([np.cross(point, direction), direction])
+    normal = np.tile(np.diag(np.arange(1.0, 7.0)), (len(ARMED.chain.links), 1, 1))
+    before = normal[axis.link].copy()
+    axis.weaken(normal, turned)
+    assert roll @ normal[axis.link] @ roll == pytest.approx(0.1 * (roll @ before @ roll))
+    other = np.arange(6.0) - roll * (roll @ before @ np.arange(6.0)) / (roll @ before @ roll)
+    assert normal[axis.link] @ other == pytest.approx(before @ other)
+    assert np.array_equal(np.delete(normal, axis.link, axis=0), np.tile(np.diag(np.arange(1.0, 7.0)), (len(normal) - 1, 1, 1)))
+
+
+def test_upright_cameras_around_a_body_share_no_shift_but_up_and_down():
+    places = [(np.cos(a), np.sin(a), 0.0) for a in np.deg2rad([0.0, 90.0, 180.0, 270.0])]
+    rig = CameraRig(tuple(look_at(place, (0.0, 0.0, 0.0), LENSES["plain"], f"cam{i}") for i, place in enumerate(places)))
+    shift = _common_shift(rig, np.zeros(3))
+    assert np.abs(shift @ shift.T) == pytest.approx(np.diag([0.0, 0.0, (0.07 / rig.cameras[0].model.params[1]) ** 2]), abs=1e-12)

@@ -253,6 +253,14 @@ class SurfaceCorrespondences:
             assemble(link_normal, link_gradient, chain.link_moved_by, bodies[together[0]].twists, H, g)
         return NormalEquations(H, g, float(sums[:, COST].sum()), int(sums[:, COUNT].sum()))
 
+    def link_information(self, state: State) -> np.ndarray:
+        """(n_links, 6, 6) what of H is about the spatial twist of each link."""
+        result = np.zeros((len(self.links), 6, 6))
+        for normal, _ in self._run(bodies_seen(self.model, state, self.offsets), True, np.zeros((len(self.cameras), N_SUMS))):
+            result += normal
+        mirror(result)
+        return result
+
     def camera_equations(self, state: State) -> list[None]:
         """Gray levels of cameras are not compared."""
         return [None] * len(self.cameras)
@@ -358,6 +366,17 @@ COST, WEIGHTED_SQUARES, WEIGHT, COUNT, N_SUMS = 0, 1, 2, 3, 4
 
 
 @compiled
+def _spline(t, at, by):
+    """Fill weights (4,) of the pixels around, and their derivatives, at ``t`` from the second to the third: quadratic B-splines.
+
+    Their slope is that of central differences, interpolated; where a bilinear surface has an edge at each pixel, and points that
+    begin in the middle of pixels would be held there.
+    """
+    at[0], at[1], at[2], at[3] = 0.25 * (1.0 - t) ** 2, 0.25 * (2.0 - t * t), 0.25 * (1.0 + 2.0 * t - t * t), 0.25 * t * t
+    by[0], by[1], by[2], by[3] = -0.5 * (1.0 - t), -0.5 * t, 0.5 * (1.0 - t), 0.5 * t
+
+
+@compiled
 def add_points(points, used_links, Ts_world_link, camera, picture, robust_scale, derivatives, normal, gradient, sums):
     """Add the points of some links to a camera's sums.
 
@@ -381,6 +400,7 @@ def add_points(points, used_links, Ts_world_link, camera, picture, robust_scale,
     height, width, n_channels = pixels.shape
     shrink, scale2 = 1.0 / (1 << octave), robust_scale * robust_scale
     x, g, b, M = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    at_u, by_u, at_v, by_v = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
     W = np.zeros((6, 3))  # wrench_D_force of a point: the force, and its moment about the world's origin
     W[0, 0], W[1, 1], W[2, 2] = 1.0, 1.0, 1.0
     for i in range(positions.shape[0]):
@@ -402,26 +422,28 @@ def add_points(points, used_links, Ts_world_link, camera, picture, robust_scale,
             sums[COST] += scale2 * math.log(2.0)
             continue
         left, top = int(u), int(v)
-        fu, fv = u - left, v - top
+        _spline(u - left, at_u, by_u)
+        _spline(v - top, at_v, by_v)
         square = 0.0
         for a in range(3):
             b[a] = 0.0
             for c in range(3):
                 M[a, c] = 0.0
         for c in range(n_channels):
-            q00, q01 = pixels[top, left, c], pixels[top, left + 1, c]
-            q10, q11 = pixels[top + 1, left, c], pixels[top + 1, left + 1, c]
-            upper, lower = q00 + fu * (q01 - q00), q10 + fu * (q11 - q10)
-            r = upper + fv * (lower - upper) - features[i, c]
+            value, along_u, along_v = 0.0, 0.0, 0.0
+            for j in range(4):
+                across, slope = 0.0, 0.0
+                for k in range(4):
+                    pixel = pixels[top + j - 1, left + k - 1, c]
+                    across += at_u[k] * pixel
+                    slope += by_u[k] * pixel
+                value += at_v[j] * across
+                along_u += at_v[j] * slope
+                along_v += by_v[j] * across
+            r = value - features[i, c]
             square += r * r
             if derivatives:
-                # Central differences at the four pixels around, interpolated: those of the bilinear surface itself jump at pixels
-                left_u = (1.0 - fv) * (q01 - pixels[top, left - 1, c]) + fv * (q11 - pixels[top + 1, left - 1, c])
-                right_u = (1.0 - fv) * (pixels[top, left + 2, c] - q00) + fv * (pixels[top + 1, left + 2, c] - q10)
-                upper_v = (1.0 - fu) * (q10 - pixels[top - 1, left, c]) + fu * (q11 - pixels[top - 1, left + 1, c])
-                lower_v = (1.0 - fu) * (pixels[top + 2, left, c] - q00) + fu * (pixels[top + 2, left + 1, c] - q01)
-                along_u = 0.5 * (left_u + fu * (right_u - left_u)) * shrink
-                along_v = 0.5 * (upper_v + fv * (lower_v - upper_v)) * shrink
+                along_u, along_v = along_u * shrink, along_v * shrink
                 gx, gy, gz = along_u * ux + along_v * vx, along_u * uy + along_v * vy, along_u * uz + along_v * vz
                 for a in range(3):
                     g[a] = gx * R[0, a] + gy * R[1, a] + gz * R[2, a]

@@ -6,20 +6,25 @@ What agreements say of lost limbs is a logistic regression (see `benchmark/trust
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...camera.rig import CameraRig
+from ...geometry import se3
 from ...model.articulated import ArticulatedModel
-from ...model.kinematic_chain import N_ROOT_DOF
+from ...model.configuration import Configuration, configured
+from ...model.shapes.primitives import Ellipsoid, Primitive, TruncatedCone
+from ...objective.points.photometry import SurfaceCorrespondences
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
+from ...render.shape_arrays import bounding_spheres
 from ..assessment import Assessment, Report, assess_cameras, camera_reports, inverse_covariance
 from ..config import ColorOverBackgroundConfig
 from ..engine import Judge
 from ..estimate import LimbReport, LimbStatus, Status
 from ..limbs.tree import limbs_of
+from ..uncertainty.covariance import ImageEvidence, fit_covariance, limits_information
 from .agreement import ColorAgreement
 from .modality import ColorModality
 
@@ -28,9 +33,12 @@ _NOISE = 0.1  # agreement that a body has anywhere
 MEASURES = ("agreement of the body in its median camera", "agreement of the limb", "agreement of its worst part")
 COEFFICIENTS = np.array([4.8, -2.0, -3.5, -3.8])  # log odds of lost: the constant, and what each measure adds
 LOST, _DOUBTFUL = 0.65, 0.3  # probabilities from which a limb is LOST and DEGRADED
-# By what squared errors of bodies with joints exceed those that colors say: lights that are not the model's turn round parts
-# about their axes. A rigid body averages over its sides: 1.0.
-_JOINTED = 17.5
+# Parts of a body with joints are pixels off, where images have no slope. There squares grow with the distance, not its square
+# as least squares have it: variances grow with the square of the share of colors that does not agree, and at this one are those
+# of the residuals.
+_DISAGREEMENT, _LEAST_DISAGREEMENT = 0.066, 0.03
+_ROLL = 0.1  # what counts of the turn of a round part about its axis: that is told by its shading, in lights that nobody knows
+_SHIFT_PX = 0.07  # of a body in all images alike, along either axis: light from above may lift it
 
 
 class ColorLimbs:
@@ -38,12 +46,15 @@ class ColorLimbs:
 
     Attributes
     ----------
+    limbs : the trunk first.
+    jointed : whether the body has joints.
     shares : (n_limbs, n_measures) `MEASURES` of the last set; nan of a limb that is not seen.
     """
 
     def __init__(self, model: ArticulatedModel):
         self.limbs = limbs_of(model)
-        self._ranges = model.chain.upper - model.chain.lower
+        self._model, self.jointed = model, len(model.chain.axes) > 0
+        self._axes = _axes_of(model)
         self.shares = np.full((len(self.limbs), len(MEASURES)), np.nan)
 
     def reports(self, agreement: ColorAgreement) -> tuple[LimbReport, ...]:
@@ -67,31 +78,77 @@ class ColorLimbs:
             return LimbReport(name, LimbStatus.TRACKING, "", probability)
         # Suits are not cut where the model's parts end, and things are as their models: the worst part of a body with joints
         # makes a limb doubtful, not LOST
-        certain = probability if not len(self._ranges) else min(probability, _probability(shares[[0, 1, 1]]))
+        certain = probability if not self.jointed else min(probability, _probability(shares[[0, 1, 1]]))
         status = LimbStatus.LOST if certain >= LOST else LimbStatus.DEGRADED
         return LimbReport(name, status, f"colors agree to {100 * max(float(shares[1:].min()), 0.0):.0f} %", probability)
 
-    def covariance(self, H: np.ndarray, variance: float, limbs: Sequence[LimbReport]) -> np.ndarray:
+    def covariance(
+        self, normal: np.ndarray, variance: float, agreement: ColorAgreement, limbs: Sequence[LimbReport], body: Configuration
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Covariance by the images and the limits of joints: images say nothing of limbs that are elsewhere, or hidden.
 
         Parameters
         ----------
-        H : (n_dof, n_dof) Gauss-Newton matrix of the images alone.
-        variance : of its residuals.
-        limbs : assessed.
+        normal : (n_links, 6, 6) information on the links' twists, in the unit of squared residuals.
+        variance : of a residual.
+        agreement, limbs : of the body's parts, and assessed by it.
+        body : the model in the fitted state.
 
         Returns
         -------
-        (n_dof, n_dof).
+        (n_dof, n_dof), and what of it is of second order.
         """
-        weights = np.ones(len(H))
-        for limb, report in zip(self.limbs[1:], limbs[1:], strict=True):
-            if report.status in (LimbStatus.LOST, LimbStatus.UNSEEN):
+        chain, weights, normal = self._model.chain, np.ones(self._model.n_dof), normal.copy()
+        for axis in self._axes:
+            axis.weaken(normal, body)
+        for limb, report in zip(self.limbs, limbs, strict=True):
+            share = max(1.0 - agreement.of(limb.shapes), _LEAST_DISAGREEMENT)
+            normal[limb.links] /= variance * (share / _DISAGREEMENT) ** 2
+            if limb is not self.limbs[0] and report.status in (LimbStatus.LOST, LimbStatus.UNSEEN):
                 weights[limb.dofs] = 0.0
-        H, joints = weights[:, None] * H * weights, np.arange(N_ROOT_DOF, len(H))
-        variance *= _JOINTED if len(joints) else 1.0
-        H[joints, joints] += variance * 12.0 / self._ranges**2
-        return inverse_covariance(H, variance)
+        J = np.where(chain.link_moved_by[:, :, None], body.twists, 0.0)  # (n_links, n_dof, 6)
+        H = (J @ normal @ np.swapaxes(J, 1, 2)).sum(axis=0)
+        images = ImageEvidence(H, H, normal).weighted(weights, chain.link_moved_by)
+        return fit_covariance(images.information + np.diag(limits_information(chain, np.ones(len(H)))), images, body)
+
+
+@dataclass(frozen=True, eq=False)
+class _Axis:
+    """Of a round part: the ``link`` that it is on, a ``point`` (3,) of it and the ``direction`` (3,) in that link."""
+
+    link: int
+    point: np.ndarray
+    direction: np.ndarray
+
+    def weaken(self, normal: np.ndarray, body: Configuration) -> None:
+        """Take from the information ``normal`` (n_links, 6, 6) what is about the turn around the axis, but for a trace."""
+        T, own = body.Ts_world_link[self.link], normal[self.link]
+        direction = T[:3, :3] @ self.direction
+        twist = np.concatenate([np.cross(se3.apply(T, self.point), direction), direction])
+        told = own @ twist
+        whole = float(twist @ told)
+        if whole > 0.0:
+            own -= (1.0 - _ROLL) / whole * np.outer(told, told)
+
+
+def _axes_of(model: ArticulatedModel) -> tuple[_Axis, ...]:
+    """Of the largest part of each link, where that is round."""
+    sizes, found = bounding_spheres(model)[:, 3], []
+    for link in range(len(model.chain.links)):
+        own = np.flatnonzero(model.shape_links == link)
+        shape = own[np.argmax(sizes[own])] if len(own) else None
+        along = None if shape is None else _along(model.shapes[shape].primitive)
+        if along is not None:
+            T = model.Ts_link_shape[shape]
+            found.append(_Axis(link, T[:3, 3], T[:3, along]))
+    return tuple(found)
+
+
+def _along(primitive: Primitive) -> int | None:
+    """Index of the axis of a round primitive; None of others."""
+    if isinstance(primitive, Ellipsoid):
+        return int(np.argmax(primitive.radii))
+    return 2 if isinstance(primitive, TruncatedCone) else None
 
 
 def _probability(shares: np.ndarray) -> float:
@@ -131,12 +188,27 @@ class ColorJudge(Judge):
         agreement = self._modality.agreement(fit.state)
         pixels = [own.sum() for own in agreement.pixels]
         cameras = camera_reports(self._rig, image_set, agreement.camera_rms, pixels)
-        variance = self._modality.variance(fit.state)
+        variance, points = self._modality.variance(fit.state), fit.correspondences
         if self.limbs is None or not self._reports:
             return Report(cameras, agreement.rms, inverse_covariance(fit.equations.H, variance))
         # Priors hold the fit near the prediction, which errs as the images do
-        H = fit.correspondences.linearize(fit.state).H
-        return Report(cameras, agreement.rms, self.limbs.covariance(H, variance, self._reports))
+        covariance, second_order = inverse_covariance(points.linearize(fit.state).H, variance), None
+        if self.limbs.jointed:
+            assert isinstance(points, SurfaceCorrespondences)
+            normal, body = points.link_information(fit.state), configured(self._model, fit.state)
+            covariance, second_order = self.limbs.covariance(normal, variance, agreement, self._reports, body)
+        shift = _common_shift(self._rig, fit.state.T_world_root[:3, 3])
+        covariance[:3, :3] += shift @ shift.T
+        return Report(cameras, agreement.rms, covariance, second_order=second_order)
+
+
+def _common_shift(rig: CameraRig, place: np.ndarray) -> np.ndarray:
+    """(3, 2) meters, world: how far a body at ``place`` (3,) goes when all images show it shifted along either of their axes."""
+    moved = np.zeros((3, 2))
+    for camera in rig:
+        R, depth = camera.T_cam_world[:3, :3], float(camera.T_cam_world[2, :3] @ place + camera.T_cam_world[2, 3])
+        moved += _SHIFT_PX * depth / len(rig) * R[:2].T / camera.model.params[:2]
+    return moved
 
 
 def with_limbs(body: Assessment, limbs: tuple[LimbReport, ...]) -> Assessment:
