@@ -23,7 +23,7 @@ from ...report.metrics_file import format_metrics, write_metrics
 from ...report.progress import say
 from ..plots import plan_figure, save
 from ..rigid_tracking import UNITS, VARIABLES, pose_error
-from .methods import AS_PUBLISHED, BEST, METHODS, camera_times, track, velocities
+from .methods import AS_PUBLISHED, BEST, METHODS, estimated_times, track, velocities
 from .scene import cross_scene
 from .throw import FIELD_PERIOD_S
 
@@ -48,21 +48,22 @@ def run_cross(folder: Path, seed: int, quick: bool) -> None:
     text, sections = [], [_plan(scene, folder)]
     for trial in scene.trials:
         footage = {}
-        for backend in dict.fromkeys(method.backend for method in methods):
-            say(f"{trial.name} somersault: filming {trial.n_fields} fields with {backend}")
-            footage[backend] = scene.film(trial, backend)
+        for video in dict.fromkeys(method.video for method in methods):
+            say(f"{trial.name} somersault: filming {trial.n_fields} fields with {video[0]}, {1e3 * video[1]:g} ms each")
+            footage[video] = scene.film(trial, *video)
         digitized = scene.digitize(trial)
+        say(f"{trial.name} somersault: when each camera exposes")
+        estimated = estimated_times(scene, trial, footage[BEST.video])
+        late_s = {"known": scene.late_s, "estimated": estimated, "ignored": (0.0,) * len(estimated)}
         tracked = {}
         for method in methods:
             say(f"{trial.name} somersault: {method.title}")
-            late_s = camera_times(scene, trial, footage[method.backend], method)
-            tracked[method] = track(scene, trial, footage[method.backend], method, late_s)
-            if method.times == "estimated":
-                metrics[f"cross.{trial.name}.{method.key}delay_ms"] = 1e3 * max(late_s, key=abs)
+            tracked[method] = track(scene, trial, footage[method.video], method, late_s[method.times])
+        metrics[f"cross.{trial.name}.phase_ms"] = 1e3 * float(np.subtract(estimated, scene.late_s).sum())
         table = _compare(trial, tracked, digitized, metrics)
         text += [f"{trial.name} somersault, {trial.n_fields} fields: rms / maximum of the worst variable", text_table(table), ""]
         sections.append(PageSection(f"The {trial.name} somersault", "Rms / maximum of the worst variable.", table))
-        sections += _images(folder, scene, trial, footage[BEST.backend], tracked, digitized)
+        sections += _images(folder, scene, trial, footage[BEST.video], tracked, digitized)
     text.append(format_metrics(metrics))
     print("\n".join(text))
     (folder / "table.txt").write_text("\n".join(text) + "\n")
