@@ -135,7 +135,7 @@ def estimate_delay(mean_square: Callable[[float], float], name: str) -> float:
 
 
 START_ERROR = (30.0, -30.0, 26.5, 3.0, -3.0, 2.6)  # of the first field's start, mm and degrees: 50 mm and 5 degrees in all
-LOW_PASS_PX = (3.0, 1.0)  # along and across the lines: chroma has no more bandwidth, so what this removes is noise
+LOW_PASS_PX = (2.0, 0.5)  # along and across the lines: chroma has no more bandwidth, so what this removes is noise
 _RIGID = tuple(range(N_ROOT))
 
 
@@ -175,22 +175,22 @@ BEST = Method("", "alignment, DLT with distortion, time estimated")
 AS_PUBLISHED = Method("published.", "stepping, DLT of seven parameters, times unknown", "dlt_centered", "ignored", "stepping")
 METHODS = (
     BEST,
-    Method("true_cameras.", "... true cameras and time", "true", "known"),
-    Method("known_time.", "... true time", times="known"),
-    Method("without_time.", "... times unknown", times="ignored"),
-    Method("dlt.", "... DLT of eleven parameters", "dlt"),
-    Method("dlt_centered.", "... DLT of seven parameters", "dlt_centered"),
-    Method("sharp.", "... no motion blur", shutter_s=0.0),
-    Method("own_lines.", "... no interpolated lines", own_lines=True),
-    Method("same_backend.", "... one renderer for all", backend="raycaster"),
-    Method("raw.", "... raw RGB, lights as measured", colors="raw"),
-    Method("gained.", "... raw RGB in the best gains", colors="gained"),
-    Method("lit.", "... raw RGB, true cameras, gains, gammas, lights and time", "lit", "known", colors="raw"),
+    Method("true_cameras.", "same, true cameras and time", "true", "known"),
+    Method("known_time.", "same, true time", times="known"),
+    Method("without_time.", "same, times unknown", times="ignored"),
+    Method("dlt.", "same, DLT of eleven parameters", "dlt"),
+    Method("dlt_centered.", "same, DLT of seven parameters", "dlt_centered"),
+    Method("sharp.", "same, video without motion blur", shutter_s=0.0),
+    Method("own_lines.", "same, no interpolated lines", own_lines=True),
+    Method("same_backend.", "same, one renderer for all", backend="raycaster"),
+    Method("raw.", "same, raw RGB, lights as measured", colors="raw"),
+    Method("gained.", "same, raw RGB in the best gains", colors="gained"),
+    Method("lit.", "same, raw RGB, all of cameras and lights known", "lit", "known", colors="raw"),
     Method("simplex.", "stepping and simplex", fit="simplex"),
     Method("stepping.", "stepping", fit="stepping"),
     Method("stepping_without_time.", "stepping, times unknown", times="ignored", fit="stepping"),
     Method("stepping_dlt.", "stepping, DLT of eleven parameters, times unknown", "dlt", "ignored", "stepping"),
-    Method("stepping_raw.", "as published, but raw RGB", "dlt_centered", "ignored", "stepping", "raw"),
+    Method("stepping_raw.", "as published, raw RGB", "dlt_centered", "ignored", "stepping", "raw"),
     AS_PUBLISHED,
 )
 

@@ -79,20 +79,6 @@ class CrossScene:
             check_interlaced(images, f"{trial.name} somersault, camera {name}")
         return footage
 
-    def seen(self, state: State, velocity: np.ndarray) -> list[State]:
-        """Where each camera sees a moving body.
-
-        Parameters
-        ----------
-        state : at the exposure of the genlocked cameras.
-        velocity : (n_dof,) tangent a second.
-
-        Returns
-        -------
-        A state a camera.
-        """
-        return [state.retract(late * velocity) for late in self.late_s]
-
     def digitize(self, trial: cross.CrossTrial) -> list[State | None]:
         """The pose at every field as a person digitizes it."""
         rng = np.random.default_rng(self.seed)
@@ -122,7 +108,7 @@ class CrossScene:
             mask = render_mask(Configuration(self.model, trial.state(0, late)), camera)
             inside = cv2.erode(mask, np.ones((2 * _INSIDE_PX + 1, 2 * _INSIDE_PX + 1), np.uint8)) > 0
             inside = inside if inside.any() else mask > 0
-            factor = 1.0 if lit is None else self._factors(trial.state(0, late), camera, lit)[inside].mean(axis=0)
+            factor = 1.0 if lit is None else np.median(self._factors(trial.state(0, late), camera, lit)[inside], axis=0)
             picked.append(np.median(image[inside][:, ::-1], axis=0) / factor)
         return np.repeat(np.array(picked)[:, None], len(self.model.shapes), axis=1)
 
