@@ -173,13 +173,13 @@ def test_colors_are_compared_as_the_method_says(scene, footage):
 
 
 def test_methods_differ_in_what_they_say():
-    assert len({one.key for one in _cross_methods.METHODS}) == len(_cross_methods.METHODS) == 18
+    assert len({one.key for one in _cross_methods.METHODS}) == len(_cross_methods.METHODS) == 17
     best = _cross_methods.BEST
     assert (best.rig, best.times, best.fit, best.colors) == ("dlt_radial", "estimated", "alignment", "normalized")
-    assert (best.video, best.own_lines) == (("pyrender", 0.004), False)
+    assert (best.shutter_s, best.own_lines) == (0.004, False)
     published = _cross_methods.AS_PUBLISHED
     assert (published.rig, published.times, published.fit) == ("dlt_centered", "ignored", "stepping")
-    assert (published.colors, published.video) == ("normalized", best.video)
+    assert (published.colors, published.shutter_s) == ("normalized", 0.004)
 
 
 def test_the_start_is_off_by_what_is_said(scene):

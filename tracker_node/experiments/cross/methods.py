@@ -151,7 +151,6 @@ class Method:
     fit : "stepping" on the fields as they are is the paper's. With the others noise is filtered out, and once the velocities are
         known every field is fitted again: "alignment", or "simplex" after stepping.
     colors : "normalized", "raw", or "gained": raw, in each camera's best gain.
-    backend : the renderer of the video.
     shutter_s : exposure of the video's fields.
     own_lines : score only the lines that a field has, instead of interpolating the missing ones.
     """
@@ -162,15 +161,8 @@ class Method:
     times: str = "estimated"
     fit: str = "alignment"
     colors: str = "normalized"
-    backend: str = "pyrender"
     shutter_s: float = SHUTTER_S
     own_lines: bool = False
-
-    @property
-    def video(self) -> tuple[str, float]:
-        """What the video is filmed with: renderer and exposure."""
-        return self.backend, self.shutter_s
-
 BEST = Method("", "alignment, DLT with distortion, time estimated")
 AS_PUBLISHED = Method("published.", "stepping, DLT of seven parameters, times unknown", "dlt_centered", "ignored", "stepping")
 METHODS = (
@@ -182,7 +174,6 @@ METHODS = (
     Method("dlt_centered.", "same, DLT of seven parameters", "dlt_centered"),
     Method("sharp.", "same, video without motion blur", shutter_s=0.0),
     Method("own_lines.", "same, no interpolated lines", own_lines=True),
-    Method("same_backend.", "same, one renderer for all", backend="raycaster"),
     Method("raw.", "same, raw RGB, lights as measured", colors="raw"),
     Method("gained.", "same, raw RGB in the best gains", colors="gained"),
     Method("lit.", "same, raw RGB, all of cameras and lights known", "lit", "known", colors="raw"),
