@@ -235,12 +235,12 @@ def object_errors_m(cameras: Sequence[Camera], seen: Mapping[str, ControlPoints]
     pixels, weights = np.zeros((len(row), len(used), 2)), np.zeros((len(row), len(used)))
     for c, points in enumerate(used):
         rows = [row[name] for name in points.names]
-        pixels[rows, c], weights[rows, c] = straightened(cameras[c].model, points.pixels), 1.0
+        pixels[rows, c], weights[rows, c] = _straightened(cameras[c].model, points.pixels), 1.0
     found, valid = reconstruct(parameters, pixels, weights)
     return np.linalg.norm(found - np.array(list(places.values())), axis=1)[valid]
 
 
-def straightened(lens: CameraModel, pixels: np.ndarray) -> np.ndarray:
+def _straightened(lens: CameraModel, pixels: np.ndarray) -> np.ndarray:
     """Where a lens of the same K, without distortion, would show the points that ``lens`` shows in ``pixels`` (n, 2)."""
     rays, _ = lens.rays(pixels)
     return ((rays / rays[:, 2:]) @ lens.K.T)[:, :2]
