@@ -163,6 +163,8 @@ class Method:
     colors: str = "normalized"
     shutter_s: float = SHUTTER_S
     own_lines: bool = False
+
+
 BEST = Method("", "alignment, DLT with distortion, time estimated")
 AS_PUBLISHED = Method("published.", "stepping, DLT of seven parameters, times unknown", "dlt_centered", "ignored", "stepping")
 METHODS = (
