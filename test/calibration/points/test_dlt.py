@@ -13,6 +13,7 @@ from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera
 from tracker_node.errors import CalibrationError
 from tracker_node.geometry import se3, so3
+from tracker_node.loaders.rig.control_points import ControlPoints
 
 POINTS = np.random.default_rng(5).uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0], size=(20, 3))
 SKEWED = np.array([[900.0, 4.0, 331.0], [0.0, 870.0, 225.0], [0.0, 0.0, 1.0]])
@@ -80,11 +81,36 @@ def test_constraints_hold_and_fewer_parameters_fit_less_closely(constraint):
     K = found.camera.model.K
     if constraint != "none":
         assert K[0, 1] == 0.0
-    if constraint in ("square", "centered"):
+    if constraint in ("square", "radial", "centered"):
         assert K[0, 0] == K[1, 1]
     if constraint == "centered":
         assert (K[0, 2], K[1, 2]) == (319.5, 239.5)
-    assert found.rms_px >= dlt.calibrate("left", POINTS, pixels, (640, 480)).rms_px - 1e-9
+    more = "radial" if constraint in ("square", "radial") else "none"  # the only one with another parameter than the eleven
+    assert found.rms_px >= dlt.calibrate("left", POINTS, pixels, (640, 480), more).rms_px - 1e-9
+
+
+def barreled(i=1) -> Camera:
+    return replace(camera(i=i), model=CameraModel(640, 480, SQUARE, "plumb_bob", np.array([-0.12, 0.0, 0.0, 0.0])))
+
+
+def test_the_distortion_of_a_lens_is_found():
+    true = barreled()
+    pixels = true.project(POINTS)[0]
+    found = dlt.calibrate("left", POINTS, pixels, (640, 480), "radial")
+    np.testing.assert_allclose(found.camera.model.K, SQUARE, atol=1e-4)
+    np.testing.assert_allclose(found.camera.model.distortion, [-0.12, 0.0, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(found.camera.T_world_cam, true.T_world_cam, atol=1e-7)
+    assert found.rms_px < 1e-6 and dlt.calibrate("left", POINTS, pixels, (640, 480)).rms_px > 0.1
+    rough = pixels + np.random.default_rng(0).normal(size=pixels.shape)
+    assert dlt.calibrate("left", POINTS, rough, (640, 480), "radial").camera.model.distortion[0] == pytest.approx(-0.12, abs=0.05)
+
+
+def test_points_seen_through_bent_lenses_are_reconstructed():
+    cameras, names = [barreled(i) for i in range(3)], tuple(map(str, range(20)))
+    seen = {c.name: ControlPoints(names, POINTS, c.project(POINTS)[0]) for c in cameras}
+    assert len(dlt.object_errors_m(cameras, seen)) == 20 and dlt.object_errors_m(cameras, seen).max() < 1e-6
+    straight = [replace(c, model=CameraModel(640, 480, SQUARE)) for c in cameras]
+    assert dlt.object_errors_m(straight, seen).max() > 1e-3
 
 
 def test_the_seven_parameters_are_those_that_annealing_finds():

@@ -19,7 +19,7 @@ def rows():
     return control_point_rows()
 
 
-@pytest.mark.parametrize("constraint", ["none", "square"])
+@pytest.mark.parametrize("constraint", ["none", "square", "radial"])
 def test_exact_clicks_give_the_rig_back(tmp_path, rows, constraint, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)  # sources are given relative to it
     points, output = write(tmp_path / "points.csv", rows), tmp_path / "rig.yaml"

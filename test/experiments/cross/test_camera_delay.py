@@ -1,41 +1,68 @@
 """The delay of a camera from its images of a moving body."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from helpers.cameras.late_camera import MODEL, RIG, TRIAL
-from tracker_node.camera.rig import CameraRig
+from helpers.cameras.late_camera import MODEL, RIG
 from tracker_node.errors import CalibrationError
-from tracker_node.experiments.cross.methods import estimate_delay
-from tracker_node.experiments.cross.throw import FIELD_PERIOD_S
+from tracker_node.experiments.cross import methods
+from tracker_node.experiments.cross.methods import Method, estimate_delay
+from tracker_node.experiments.cross.throw import twisting_somersault
+from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.configuration import Configuration
-from tracker_node.objective.color.score import ColorObjective
-from tracker_node.render.raycast import raycaster
 
-FIELDS = range(0, 30, 3)
-
-
-def estimate(late_s: float, camera: str = "left", states=None) -> float:
-    rig = CameraRig((RIG[camera],), lights=RIG.lights)
-    objective = ColorObjective(MODEL, rig)
-
-    def show(i: int) -> None:
-        view = raycaster.render_color(Configuration(MODEL, TRIAL.state(FIELDS[i], late_s)), rig.cameras[0], rig.lights)
-        objective.set_images([np.rint(view.rgb[:, :, ::-1]).astype(np.uint8)])
-
-    states = [TRIAL.state(k) for k in FIELDS] if states is None else states
-    return estimate_delay(objective, show, states, 3 * FIELD_PERIOD_S)
+BLUE = np.full((144, 192, 3), (120, 60, 40), np.uint8)
+TRIAL = twisting_somersault(MODEL)
+FIELDS = range(32)
 
 
-@pytest.mark.parametrize("late_s", [-0.003, 0.0, 0.004])
+def mean_square(late_s: float):
+    """The score of a few fields in whose images camera top is late by ``late_s``, as a function of the delay."""
+    seen = [[TRIAL.state(field, late) for late in (0.0, 0.0, late_s)] for field in FIELDS]
+    with TargetStudio(RIG, "raycaster") as studio:
+        video = [[studio.image(i, Configuration(MODEL, state), BLUE) for i, state in enumerate(states)] for states in seen]
+    footage = SimpleNamespace(interpolated=video.__getitem__)
+    scene = SimpleNamespace(model=MODEL, rigs={"true": RIG}, picked_colors=lambda *_: None)
+    states = [TRIAL.state(field) for field in FIELDS]
+    known = Method("", "", "true")
+    return lambda delay: methods._Fitter(scene, TRIAL, footage, known, (0.0, 0.0, delay)).mean_square(states)
+
+
+@pytest.mark.parametrize("late_s", [-0.003, 0.005])
 def test_the_delay_is_found_to_a_part_of_a_step(late_s):
-    assert estimate(late_s) == pytest.approx(late_s, abs=0.0008)
+    assert estimate_delay(mean_square(late_s), "top") == pytest.approx(late_s, abs=0.0005)
 
 
-def test_the_camera_above_finds_it_too():
-    assert estimate(0.004, "top") == pytest.approx(0.004, abs=0.0015)
+def test_the_parabola_is_exact():
+    assert estimate_delay(lambda delay: 3.0 + (delay - 0.0031) ** 2, "top") == pytest.approx(0.0031)
 
 
-def test_a_delay_out_of_reach_is_said_with_the_camera():
-    with pytest.raises(CalibrationError, match="camera 'left': its delay is not within 12 ms"):
-        estimate(0.018)
+@pytest.mark.parametrize("late_s", [-0.018, 0.018])
+def test_a_delay_out_of_reach_is_said_with_the_camera(late_s):
+    with pytest.raises(CalibrationError, match="camera 'top': its delay is not within 12 ms"):
+        estimate_delay(lambda delay: (delay - late_s) ** 2, "top")
+
+
+def test_a_body_at_rest_tells_no_delay():
+    with pytest.raises(CalibrationError, match="nothing moves"):
+        estimate_delay(lambda delay: 1.0, "top")
+
+
+def test_only_the_late_camera_gets_a_delay(monkeypatch):
+    asked = []
+
+    class Scored:
+        def __init__(self, *given):
+            self.late_s = given[-1]
+
+        def mean_square(self, states):
+            asked.append((self.late_s, states))
+            return (self.late_s[2] - 0.002) ** 2
+
+    monkeypatch.setattr(methods, "_Fitter", Scored)
+    monkeypatch.setattr(methods, "track", lambda *_: SimpleNamespace(states=("rough",)))
+    scene = SimpleNamespace(late_s=(0.0, 0.0, 0.004), rig=RIG)
+    assert methods.estimated_times(scene, TRIAL, None) == pytest.approx((0.0, 0.0, 0.002))
+    assert {late[:2] for late, _ in asked} == {(0.0, 0.0)} and {states for _, states in asked} == {("rough",)}

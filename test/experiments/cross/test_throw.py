@@ -7,7 +7,7 @@ import pytest
 
 from helpers.bodies.wooden_cross import cross as model_of_cross
 from tracker_node.experiments.cross import throw as cross
-from tracker_node.experiments.cross.scene import TapeFaults, film
+from tracker_node.experiments.cross.scene import SHUTTER_S, TapeFaults, cross_scene, exposed, film
 from tracker_node.experiments.target_images import TargetStudio
 from tracker_node.model.configuration import Configuration, to_variables
 from tracker_node.observation.deinterlace import comb_ratio, interpolate_lines
@@ -78,7 +78,7 @@ def test_a_film_is_interlaced_and_every_field_shows_its_own_instant():
     faults = TapeFaults(luma_noise=0.0, chroma_noise=0.0, luma_blur_px=0.0, chroma_blur_px=0.0)
     filmed = []
     with TargetStudio(rig, "raycaster") as studio:
-        footage = film(MODEL, trial, studio, backgrounds, np.random.default_rng(0), faults, filmed.append)
+        footage = film(MODEL, trial, studio, backgrounds, np.random.default_rng(0), faults, 0.0, filmed.append)
         assert filmed == list(range(6)) and [len(images) for images in footage.images] == [3, 3, 3]
         assert comb_ratio(footage.images[0]) > 1.0
         for field in (2, 3):
@@ -88,3 +88,38 @@ def test_a_film_is_interlaced_and_every_field_shows_its_own_instant():
                 alone = studio.image(i, Configuration(MODEL, state), backgrounds[i])
                 assert np.abs(own.astype(int) - alone[field % 2 :: 2]).max() <= 2
                 np.testing.assert_array_equal(whole[i], interpolate_lines(own, field % 2))
+
+
+def test_a_field_shows_the_whole_exposure():
+    """Beside a still background a bright cross covers what it passes through, for part of the time at its ends."""
+    rig, trial = small_rig(), replace(cross.side_somersault(MODEL), n_fields=2)
+    backgrounds = [np.zeros((144, 192, 3), np.uint8)] * 3
+    faults = TapeFaults(luma_noise=0.0, chroma_noise=0.0, luma_blur_px=0.0, chroma_blur_px=0.0)
+    with TargetStudio(rig, "raycaster", supersampling=1) as studio:
+
+        def shown(shutter_s):
+            filmed = film(MODEL, trial, studio, backgrounds, np.random.default_rng(0), faults, shutter_s)
+            return filmed.own_lines(0)[0].max(axis=2)
+
+        sharp, short, long = (shown(shutter_s) for shutter_s in (0.0, SHUTTER_S, 4.0 * SHUTTER_S))
+        ends = [
+            studio.image(0, Configuration(MODEL, trial.state(0, part * 4.0 * SHUTTER_S)))[::2].max(axis=2) for part in (-0.4, 0.4)
+        ]
+    covered = [(image > 8).sum() for image in (sharp, short, long)]
+    assert covered[0] < covered[1] < covered[2]
+    assert (long[(ends[0] > 60) | (ends[1] > 60)] > 8).all() and (sharp[(ends[0] > 60) | (ends[1] > 60)] <= 8).any()
+
+
+def test_light_is_averaged_and_not_gray_levels():
+    dark, bright = np.zeros((2, 2, 3), np.uint8), np.full((2, 2, 3), 200, np.uint8)
+    np.testing.assert_array_equal(exposed([bright, bright], 2.2), bright)
+    np.testing.assert_array_equal(exposed([dark, bright], 1.0), np.full((2, 2, 3), 100))
+    np.testing.assert_array_equal(exposed([dark, bright], 2.2), np.full((2, 2, 3), round(200 * 0.5 ** (1 / 2.2))))
+
+
+def test_lenses_bend_straight_lines_by_a_percent_or_two_in_the_corners():
+    for camera in cross_scene(3).rig:
+        straight = replace(camera.model, distortion_model="none", distortion=np.zeros(0))
+        corner = straight.rays(np.zeros((1, 2)))[0]
+        seen, middle = camera.model.project(corner)[0][0], camera.model.K[:2, 2]
+        assert 0.005 < 1.0 - np.linalg.norm(seen - middle) / np.linalg.norm(middle) < 0.025

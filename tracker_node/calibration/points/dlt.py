@@ -4,8 +4,8 @@ u = (L1 x + L2 y + L3 z + L4) / (L9 x + L10 y + L11 z + 1)
 v = (L5 x + L6 y + L7 z + L8) / (L9 x + L10 y + L11 z + 1)
 
 The eleven parameters are solved linearly in normalized coordinates, taken apart into lens and place, and refined so that the
-squared distances in the image are least. Renderers and narrow calibrations want fewer parameters than eleven: `CONSTRAINTS` says
-which of them a camera may use, and the refinement finds the best camera within.
+squared distances in the image are least. Renderers and narrow calibrations want fewer parameters than eleven, and lenses
+another, their distortion: `CONSTRAINTS` says which of them a camera may use, and the refinement finds the best camera within.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ CONSTRAINTS = {
     "none": ("fx", "fy", "skew", "cx", "cy"),  # as many as the eleven of the DLT
     "no_skew": ("fx", "fy", "cx", "cy"),
     "square": ("f", "cx", "cy"),
+    "radial": ("f", "cx", "cy", "k1"),  # square pixels behind a lens that bends straight lines
     "centered": ("f",),  # the seven that Open Inventor had: one angle of view, and a place
 }
 MIN_POINTS = 6
@@ -44,7 +45,7 @@ class DltCalibration:
 
     Attributes
     ----------
-    camera : lens and place; without distortion.
+    camera : lens and place; without distortion but for "radial".
     residuals_px : (n, 2) pixels seen minus pixels of the camera.
     """
 
@@ -53,7 +54,7 @@ class DltCalibration:
 
     @property
     def parameters(self) -> np.ndarray:
-        """L1..L11 (11,)."""
+        """L1..L11 (11,) of a camera without distortion."""
         return dlt_parameters(self.camera)
 
     @property
@@ -214,7 +215,7 @@ def object_errors_m(cameras: Sequence[Camera], seen: Mapping[str, ControlPoints]
 
     Parameters
     ----------
-    cameras : without distortion.
+    cameras : each with its lens; what that bends is made straight first.
     seen : camera -> its control points.
 
     Returns
@@ -234,15 +235,24 @@ def object_errors_m(cameras: Sequence[Camera], seen: Mapping[str, ControlPoints]
     pixels, weights = np.zeros((len(row), len(used), 2)), np.zeros((len(row), len(used)))
     for c, points in enumerate(used):
         rows = [row[name] for name in points.names]
-        pixels[rows, c], weights[rows, c] = points.pixels, 1.0
+        pixels[rows, c], weights[rows, c] = _straightened(cameras[c].model, points.pixels), 1.0
     found, valid = reconstruct(parameters, pixels, weights)
     return np.linalg.norm(found - np.array(list(places.values())), axis=1)[valid]
 
 
+def _straightened(lens: CameraModel, pixels: np.ndarray) -> np.ndarray:
+    """Where a lens of the same K, without distortion, would show the points that ``lens`` shows in ``pixels`` (n, 2)."""
+    rays, _ = lens.rays(pixels)
+    return ((rays / rays[:, 2:]) @ lens.K.T)[:, :2]
+
+
 def _image_residuals(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """(n, 2) pixels seen minus those of a camera without distortion; as `Camera.project`, but smooth behind the camera too."""
-    uvw = se3.apply(camera.T_cam_world, points) @ camera.model.K.T
-    return pixels - uvw[:, :2] / uvw[:, 2:]
+    """(n, 2) pixels seen minus those of a camera; as `Camera.project`, but smooth behind the camera too."""
+    xyz, lens = se3.apply(camera.T_cam_world, points), camera.model
+    xy = xyz[:, :2] / xyz[:, 2:]
+    if lens.distortion.size:
+        xy *= 1.0 + lens.distortion[0] * (xy**2).sum(axis=1, keepdims=True)
+    return pixels - xy @ lens.K[:2, :2].T - lens.K[:2, 2]
 
 
 def _check_spread(name: str, points: np.ndarray) -> None:
@@ -272,13 +282,13 @@ def _refine(
     name: str, points: np.ndarray, pixels: np.ndarray, image_size: tuple[int, int], constraint: str, K: np.ndarray, T: np.ndarray
 ) -> DltCalibration:
     names, (width, height) = CONSTRAINTS[constraint], image_size
-    lens = {"fx": K[0, 0], "fy": K[1, 1], "skew": 0.0, "cx": (width - 1) / 2.0, "cy": (height - 1) / 2.0}
+    lens = {"fx": K[0, 0], "fy": K[1, 1], "skew": 0.0, "cx": (width - 1) / 2.0, "cy": (height - 1) / 2.0, "k1": 0.0}
     lens["f"] = np.sqrt(K[0, 0] * K[1, 1])
     if "cx" in names:
         lens["cx"], lens["cy"] = K[0, 2], K[1, 2]
     if "skew" in names:
         lens["skew"] = K[0, 1]
-    scales = np.array([lens["f"]] * len(names) + [1.0] * 6)
+    scales = np.array([1.0 if key == "k1" else lens["f"] for key in names] + [1.0] * 6)
     start = np.array([lens[key] for key in names] + [0.0] * 6) / scales
 
     def camera_of(x: np.ndarray) -> Camera:
@@ -287,7 +297,8 @@ def _refine(
         if min(fx, fy) <= 0.0:
             raise CalibrationError(name, "its control points fit no camera: was one of them clicked on in the wrong place?")
         K = np.array([[fx, values["skew"], values["cx"]], [0.0, fy, values["cy"]], [0.0, 0.0, 1.0]])
-        return Camera(name, CameraModel(width, height, K), T @ se3.exp(x[len(names) :]))
+        bent = ("plumb_bob", np.array([values["k1"], 0.0, 0.0, 0.0])) if "k1" in names else ()
+        return Camera(name, CameraModel(width, height, K, *bent), T @ se3.exp(x[len(names) :]))
 
     def residuals(x: np.ndarray) -> np.ndarray:
         return _image_residuals(camera_of(x), points, pixels).ravel()

@@ -17,19 +17,18 @@ from ...errors import CalibrationError
 from ...model.configuration import N_ROOT, State, from_variables, to_variables
 from ...objective.color.alignment import PhotometricOptions
 from ...objective.color.asynchronous import AsynchronousObjective, AsynchronousPhotometricObjective
-from ...objective.color.score import ColorObjective, ColorOptions
+from ...objective.color.score import ColorOptions
 from ...observation.deinterlace import field_camera, first_line
 from ...optimize.alignment import AlignmentOptions, align
 from ...optimize.simplex import POLISH, search_simplex
 from ...optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
 from ..rigid_tracking import FitResult, TrackedSequence, moved, sequence_of
-from .scene import CrossScene, Footage
+from .scene import SHUTTER_S, CrossScene, Footage
 from .throw import FIELD_PERIOD_S, LATE_CAMERA, CrossTrial
 
 Show = Callable[[int, np.ndarray | None], None]
 """Hands image set i, and the body's velocity (n_dof,) per second where it is known, to the objective."""
-_STEP_S, _STEPS = 0.001, 12  # between the delays that are tried, and to either side
-_NEAR = 4  # steps to either side of the lowest score through which the parabola is laid
+_STEP_S, _STEPS = 0.004, 3  # between the delays that are tried, and to either side
 
 
 def track_video(
@@ -109,47 +108,34 @@ def velocities(states: Sequence[State], period_s: float) -> list[np.ndarray]:
     return result
 
 
-def estimate_delay(
-    objective: ColorObjective, show: Callable[[int], None], states: Sequence[State], period_s: float
-) -> float:
-    """How much later a camera exposes than the images that the states come from.
+def estimate_delay(mean_square: Callable[[float], float], name: str) -> float:
+    """How much later a camera exposes than the others: where the score of a whole video is lowest.
 
     Parameters
     ----------
-    objective : of a rig with this one camera.
-    show : hands its image of image set i to the objective.
-    states : the body at every image set, estimated without this camera.
-    period_s : time between image sets.
+    mean_square : of the color differences, once every image set has been fitted with the delay in seconds.
+    name : of the camera, for messages.
 
     Returns
     -------
-    Seconds; negative: earlier.
+    Seconds, from the parabola through the lowest score and its neighbors; negative: earlier.
 
     Raises
     ------
-    CalibrationError : the best delay lies at or beyond the largest that is tried.
+    CalibrationError : the best delay is the largest that is tried.
     """
     delays = _STEP_S * np.arange(-_STEPS, _STEPS + 1)
-    squares, pixels = np.zeros(len(delays)), np.zeros(len(delays))
-    for image, (state, velocity) in enumerate(zip(states, velocities(states, period_s), strict=True)):
-        show(image)
-        for i, delay in enumerate(delays):
-            score = objective.evaluate(state.retract(delay * velocity))
-            if np.isfinite(score.rms):
-                squares[i] += score.rms**2 * score.camera_pixels.sum()
-                pixels[i] += score.camera_pixels.sum()
-    mean = squares / np.maximum(pixels, 1.0)
-    lowest = int(np.argmin(np.where(pixels > 0, mean, np.inf)))
+    scores = np.array([mean_square(float(delay)) for delay in delays])
+    lowest = int(np.argmin(scores))
     if lowest in (0, len(delays) - 1):
         within = f"{1e3 * _STEP_S * _STEPS:g} ms of the other cameras"
-        raise CalibrationError(objective.rig.names[0], f"its delay is not within {within}, or nothing moves")
-    near = slice(max(lowest - _NEAR, 0), lowest + _NEAR + 1)
-    a, b, _ = np.polyfit(delays[near] / _STEP_S, mean[near], 2)
-    return float(-0.5 * b / a * _STEP_S)
+        raise CalibrationError(name, f"its delay is not within {within}, or nothing moves")
+    before, here, after = scores[lowest - 1 : lowest + 2]
+    return float(delays[lowest] + 0.5 * _STEP_S * (before - after) / (before - 2.0 * here + after))
 
 
 START_ERROR = (30.0, -30.0, 26.5, 3.0, -3.0, 2.6)  # of the first field's start, mm and degrees: 50 mm and 5 degrees in all
-LOW_PASS_PX = (3.0, 1.0)  # along and across the lines: chroma has no more bandwidth, so what this removes is noise
+LOW_PASS_PX = (2.0, 0.5)  # along and across the lines: chroma has no more bandwidth, so what this removes is noise
 _RIGID = tuple(range(N_ROOT))
 
 
@@ -161,40 +147,43 @@ class Method:
     ----------
     key : between the trial's name and the figure's; empty for the best.
     rig : which cameras are known, of `CrossScene.rigs`.
-    times : whether it is "known" how late a camera is, "estimated" from the video, or "ignored".
+    times : whether it is "known" how late a camera is, "estimated" from the video (by the best method), or "ignored".
     fit : "stepping" on the fields as they are is the paper's. With the others noise is filtered out, and once the velocities are
         known every field is fitted again: "alignment", or "simplex" after stepping.
-    backend : the renderer of the video.
+    colors : "normalized", "raw", or "gained": raw, in each camera's best gain.
+    shutter_s : exposure of the video's fields.
     own_lines : score only the lines that a field has, instead of interpolating the missing ones.
     """
 
     key: str
     title: str
-    rig: str = "true"
-    times: str = "known"
+    rig: str = "dlt_radial"
+    times: str = "estimated"
     fit: str = "alignment"
-    backend: str = "pyrender"
+    colors: str = "normalized"
+    shutter_s: float = SHUTTER_S
     own_lines: bool = False
 
 
-BEST = Method("", "alignment")
+BEST = Method("", "alignment, DLT with distortion, time estimated")
 AS_PUBLISHED = Method("published.", "stepping, DLT of seven parameters, times unknown", "dlt_centered", "ignored", "stepping")
 METHODS = (
     BEST,
-    Method("without_time.", "alignment, camera times unknown", times="ignored"),
-    Method("estimated_time.", "alignment, camera time estimated", times="estimated"),
-    Method("dlt.", "alignment, DLT cameras", "dlt"),
-    Method("dlt_without_time.", "alignment, DLT cameras, times unknown", "dlt", times="ignored"),
-    Method("dlt_estimated_time.", "alignment, DLT cameras, time estimated", "dlt", "estimated"),
-    Method("dlt_square.", "alignment, DLT, square pixels", "dlt_square"),
-    Method("dlt_centered.", "alignment, DLT of seven parameters", "dlt_centered"),
-    Method("own_lines.", "alignment, no interpolated lines", own_lines=True),
-    Method("same_backend.", "alignment, one renderer for all", backend="raycaster"),
+    Method("true_cameras.", "same, true cameras and time", "true", "known"),
+    Method("known_time.", "same, true time", times="known"),
+    Method("without_time.", "same, times unknown", times="ignored"),
+    Method("dlt.", "same, DLT of eleven parameters", "dlt"),
+    Method("dlt_centered.", "same, DLT of seven parameters", "dlt_centered"),
+    Method("sharp.", "same, video without motion blur", shutter_s=0.0),
+    Method("own_lines.", "same, no interpolated lines", own_lines=True),
+    Method("raw.", "same, raw RGB, lights as measured", colors="raw"),
+    Method("gained.", "same, raw RGB in the best gains", colors="gained"),
+    Method("lit.", "same, raw RGB, all of cameras and lights known", "lit", "known", colors="raw"),
     Method("simplex.", "stepping and simplex", fit="simplex"),
     Method("stepping.", "stepping", fit="stepping"),
-    Method("stepping_without_time.", "stepping, camera times unknown", times="ignored", fit="stepping"),
-    Method("stepping_dlt.", "stepping, DLT cameras", "dlt", fit="stepping"),
-    Method("stepping_dlt_without_time.", "stepping, DLT cameras, times unknown", "dlt", "ignored", "stepping"),
+    Method("stepping_without_time.", "stepping, times unknown", times="ignored", fit="stepping"),
+    Method("stepping_dlt.", "stepping, DLT of eleven parameters, times unknown", "dlt", "ignored", "stepping"),
+    Method("stepping_raw.", "as published, raw RGB", "dlt_centered", "ignored", "stepping", "raw"),
     AS_PUBLISHED,
 )
 
@@ -203,19 +192,21 @@ class _Fitter:
     """Fits the cross to one field at a time, with each of the optimizers."""
 
     def __init__(
-        self, scene: CrossScene, footage: Footage, method: Method, colors_rgb: np.ndarray, late_s: Sequence[float],
-        without: int | None = None,
-    ):  # fmt: skip
-        self._footage, self._method, self._chain, self._without = footage, method, scene.model.chain, without
+        self, scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method, late_s: Sequence[float]
+    ):
+        self._footage, self._method, self._chain = footage, method, scene.model.chain
         rig = scene.rigs[method.rig]
         rigs = [rig, rig]
         if method.own_lines:
             rigs = [replace(rig, cameras=tuple(field_camera(camera, line) for camera in rig)) for line in (0, 1)]
-        normalized = ColorOptions("normalized"), PhotometricOptions("normalized")
+        raw, gained = method.colors != "normalized", method.colors == "gained"
+        colors = scene.picked_colors(trial, footage.interpolated(0), rig if raw else None)
+        representation = "raw" if raw else "normalized"
+        compared = ColorOptions(representation, gained=gained), PhotometricOptions(representation, gained=gained)
         self._of_line = [
             (
-                AsynchronousObjective(scene.model, known, late_s, normalized[0], colors_rgb),
-                AsynchronousPhotometricObjective(scene.model, known, late_s, normalized[1], colors_rgb),
+                AsynchronousObjective(scene.model, known, late_s, compared[0], colors),
+                AsynchronousPhotometricObjective(scene.model, known, late_s, compared[1], colors),
             )
             for known in rigs
         ]
@@ -227,10 +218,9 @@ class _Fitter:
         pictures = self._footage.own_lines(field) if own else self._footage.interpolated(field)
         if self._method.fit != "stepping":
             pictures = [low_passed(picture, LOW_PASS_PX[0], LOW_PASS_PX[1] / (2.0 if own else 1.0)) for picture in pictures]
-        images = [None if i == self._without else picture for i, picture in enumerate(pictures)]
         self._score, self._aligned = self._of_line[first_line(field)]
         for objective in (self._score, self._aligned):
-            objective.set_images(images)
+            objective.set_images(pictures)
             objective.velocity = velocity
 
     def first(self, start: State) -> FitResult:
@@ -249,6 +239,15 @@ class _Fitter:
             return align(self._aligned, start, self._chain, AlignmentOptions(coarsest=1))
         return search_simplex(self._score, start, self._chain, POLISH, _RIGID)
 
+    def mean_square(self, states: Sequence[State]) -> float:
+        """Of the color differences in the whole video, once every field has been aligned from its estimate."""
+        cost, count = 0.0, 0
+        for field, velocity in enumerate(velocities(states, FIELD_PERIOD_S)):
+            self.show(field, velocity)
+            found = align(self._aligned, states[field], self._chain, AlignmentOptions(coarsest=1)).equations
+            cost, count = cost + found.cost, count + found.count
+        return cost / count if count else np.inf
+
 
 def track(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method, late_s: Sequence[float]) -> TrackedSequence:
     """Track a throw by one method.
@@ -259,13 +258,13 @@ def track(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method
     trial : the throw.
     footage : its video.
     method : how to track.
-    late_s : how late each camera exposes, as far as is known, see `camera_times`.
+    late_s : how late each camera exposes, as far as is known.
 
     Returns
     -------
     Estimates at every field.
     """
-    fitter = _Fitter(scene, footage, method, scene.picked_colors(trial, footage.interpolated(0)), late_s)
+    fitter = _Fitter(scene, trial, footage, method, late_s)
     first = track_video(fitter.show, trial.n_fields, _start(trial), fitter.first, FIELD_PERIOD_S)
     if method.fit == "stepping" or method.times == "ignored":
         return first
@@ -273,36 +272,30 @@ def track(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method
     return TrackedSequence(again.states, first.evaluations + again.evaluations)
 
 
-def camera_times(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method) -> tuple[float, ...]:
-    """How late each camera exposes: the truth, nothing, or an estimate from the video.
+def estimated_times(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method = BEST) -> tuple[float, ...]:
+    """How late each camera exposes, estimated from a video.
 
     Parameters
     ----------
     scene : what is known of cameras, lights and colors.
     trial : the throw.
     footage : its video.
-    method : says which of the three.
+    method : how to track.
 
     Returns
     -------
     Seconds, in the order of the rig.
     """
-    if method.times == "known":
-        return scene.late_s
-    if method.times == "ignored":
-        return (0.0,) * len(scene.late_s)
-    late = scene.rig.names.index(LATE_CAMERA)
-    colors = scene.picked_colors(trial, footage.interpolated(0))
-    fitter = _Fitter(scene, footage, method, colors, (0.0,) * len(scene.late_s), without=late)
-    states = track_video(fitter.show, trial.n_fields, _start(trial), fitter.first, FIELD_PERIOD_S).states
-    rig = scene.rigs[method.rig].subset([LATE_CAMERA])
-    objective = ColorObjective(scene.model, rig, ColorOptions("normalized"), colors[late : late + 1])
+    at_once = (0.0,) * len(scene.late_s)
+    rough = track(scene, trial, footage, replace(method, times="ignored"), at_once).states
 
-    def show(field: int) -> None:
-        objective.set_images([low_passed(footage.interpolated(field)[late])])
+    def times(late_s: float) -> tuple[float, ...]:
+        return tuple(late_s if name == LATE_CAMERA else 0.0 for name in scene.rig.names)
 
-    delay = estimate_delay(objective, show, states, FIELD_PERIOD_S)
-    return tuple(delay if i == late else 0.0 for i in range(len(scene.late_s)))
+    def mean_square(late_s: float) -> float:
+        return _Fitter(scene, trial, footage, method, times(late_s)).mean_square(rough)
+
+    return times(estimate_delay(mean_square, LATE_CAMERA))
 
 
 def _start(trial: CrossTrial) -> State:

@@ -5,8 +5,8 @@ cameras that show it, and the rigid body is fitted to the points. When a camera 
 
 Films a thrown cross as analog interlaced video.
 
-Every field is drawn at its own time over a still background, goes through the faults of camera and tape, and is woven with the
-next one into an image.
+Every field is drawn over a still background at several times of its exposure, of which the mean of light is what the sensor sees;
+it goes through the faults of the tape, and is woven with the next one into an image. Lenses have a barrel distortion.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from ...calibration.points import dlt
+from ...camera.model import CameraModel
 from ...camera.rig import Camera, CameraRig
 from ...geometry import se3
 from ...model.articulated import ArticulatedModel
@@ -32,6 +33,7 @@ from .throw import LATE_CAMERA, LATE_S, CrossTrial, yellow_stick
 
 CONTROL_POINT_SIGMA_PX = 1.0
 CLICK_SIGMA_PX = 1.5
+SHUTTER_S, _MOMENTS = 0.004, 5  # exposure of a field, and how many times of it are drawn
 _INSIDE_PX = 3  # colors are picked at least so far from the outline
 
 
@@ -42,8 +44,8 @@ class CrossScene:
     Attributes
     ----------
     rig : cameras and lights as they are; ``rigs`` as known for tracking, by name: "true" has the true lenses and places, "dlt"
-        those of the eleven parameters, "dlt_<constraint>" those of fewer. All have the lights as measured, and no gain or gamma,
-        which nobody knows.
+        those of the eleven parameters, "dlt_<constraint>" those of others; only "dlt_radial" has a distortion. These have the
+        lights as measured, and no gain or gamma, which nobody knows; "lit" is the rig as it is.
     calibrations : constraint -> DLT of each camera.
     late_s : how much later than the first each camera exposes.
     seed : of everything that is random.
@@ -57,13 +59,14 @@ class CrossScene:
     late_s: tuple[float, ...]
     seed: int
 
-    def film(self, trial: cross.CrossTrial, backend: str) -> Footage:
+    def film(self, trial: cross.CrossTrial, backend: str, shutter_s: float = SHUTTER_S) -> Footage:
         """Film a trial, and check that the video is interlaced.
 
         Parameters
         ----------
         trial : the throw.
         backend : renderer, of `target_images.BACKENDS`.
+        shutter_s : exposure of a field.
 
         Returns
         -------
@@ -71,24 +74,10 @@ class CrossScene:
         """
         backgrounds = [cluttered_background(camera, self.seed) for camera in self.rig]
         with TargetStudio(self.rig, backend) as studio:
-            footage = film(self.model, trial, studio, backgrounds, np.random.default_rng(self.seed))
+            footage = film(self.model, trial, studio, backgrounds, np.random.default_rng(self.seed), shutter_s=shutter_s)
         for name, images in zip(self.rig.names, footage.images, strict=True):
             check_interlaced(images, f"{trial.name} somersault, camera {name}")
         return footage
-
-    def seen(self, state: State, velocity: np.ndarray) -> list[State]:
-        """Where each camera sees a moving body.
-
-        Parameters
-        ----------
-        state : at the exposure of the genlocked cameras.
-        velocity : (n_dof,) tangent a second.
-
-        Returns
-        -------
-        A state a camera.
-        """
-        return [state.retract(late * velocity) for late in self.late_s]
 
     def digitize(self, trial: cross.CrossTrial) -> list[State | None]:
         """The pose at every field as a person digitizes it."""
@@ -101,13 +90,14 @@ class CrossScene:
             poses.append(digitized_state(self.model, clicks, parameters))
         return poses
 
-    def picked_colors(self, trial: cross.CrossTrial, images: Sequence[np.ndarray]) -> np.ndarray:
+    def picked_colors(self, trial: cross.CrossTrial, images: Sequence[np.ndarray], lit: CameraRig | None = None) -> np.ndarray:
         """Colors of the cross in the first field, as picked with an eye-dropper.
 
         Parameters
         ----------
         trial : the throw.
         images : of the first field, one a camera, BGR.
+        lit : given, the colors are those under light of factor one if its lights, gains and gammas were true.
 
         Returns
         -------
@@ -117,8 +107,17 @@ class CrossScene:
         for camera, late, image in zip(self.rig, self.late_s, images, strict=True):
             mask = render_mask(Configuration(self.model, trial.state(0, late)), camera)
             inside = cv2.erode(mask, np.ones((2 * _INSIDE_PX + 1, 2 * _INSIDE_PX + 1), np.uint8)) > 0
-            picked.append(np.median(image[inside if inside.any() else mask > 0][:, ::-1], axis=0))
+            inside = inside if inside.any() else mask > 0
+            factor = 1.0 if lit is None else np.median(self._factors(trial.state(0, late), camera, lit)[inside], axis=0)
+            picked.append(np.median(image[inside][:, ::-1], axis=0) / factor)
         return np.repeat(np.array(picked)[:, None], len(self.model.shapes), axis=1)
+
+
+    def _factors(self, state: State, camera: Camera, lit: CameraRig) -> np.ndarray:
+        """(h, w, 3) by which the colors of the cross are multiplied, RGB."""
+        gray = replace(self.model, shapes=tuple(replace(shape, color_rgb=(100, 100, 100)) for shape in self.model.shapes))
+        camera = replace(camera, gain=lit[camera.name].gain, gamma=lit[camera.name].gamma)
+        return raycaster.render_color(Configuration(gray, state), camera, lit.lights).rgb / 100.0
 
 
 def cross_scene(seed: int = 20, scale: float = 1.0, n_fields: int | None = None) -> CrossScene:
@@ -136,7 +135,7 @@ def cross_scene(seed: int = 20, scale: float = 1.0, n_fields: int | None = None)
     """
     model, rig = yellow_stick(), cross.cross_rig()
     size = round(scale * cross.IMAGE_SIZE[0]), round(scale * cross.IMAGE_SIZE[1])
-    rig = replace(rig, cameras=tuple(replace(camera, model=camera.model.resized(*size)) for camera in rig))
+    rig = replace(rig, cameras=tuple(replace(camera, model=_barreled(camera).resized(*size)) for camera in rig))
     rng = np.random.default_rng(seed)
     points = cross.control_points(rng)
     pixels = [cross.digitized(camera, points, CONTROL_POINT_SIGMA_PX, rng) for camera in rig]
@@ -152,8 +151,14 @@ def cross_scene(seed: int = 20, scale: float = 1.0, n_fields: int | None = None)
     trials: tuple[cross.CrossTrial, ...] = cross.side_somersault(model), cross.twisting_somersault(model)
     if n_fields is not None:
         trials = tuple(replace(trial, n_fields=n_fields) for trial in trials)
+    rigs["lit"] = rig
     late_s = tuple(cross.LATE_S if name == cross.LATE_CAMERA else 0.0 for name in rig.names)
     return CrossScene(model, rig, rigs, calibrations, trials, late_s, seed)
+
+
+def _barreled(camera: Camera) -> CameraModel:
+    k1 = cross.DISTORTION[camera.name]
+    return replace(camera.model, distortion_model="plumb_bob", distortion=np.array([k1, 0.0, 0.0, 0.0]))
 
 
 def _unknown_answer(camera: Camera) -> Camera:
@@ -243,7 +248,8 @@ class Footage:
 
 def film(
     model: ArticulatedModel, trial: CrossTrial, studio: TargetStudio, backgrounds: Sequence[np.ndarray],
-    rng: np.random.Generator, faults: TapeFaults | None = None, done: Callable[[int], None] = lambda field: None,
+    rng: np.random.Generator, faults: TapeFaults | None = None, shutter_s: float = SHUTTER_S,
+    done: Callable[[int], None] = lambda field: None,
 ) -> Footage:  # fmt: skip
     """Interlaced video of a trial from every camera of the studio.
 
@@ -254,23 +260,45 @@ def film(
     studio : draws it, with the cameras of its rig.
     backgrounds : (h, w, 3) BGR uint8, one of each camera.
     rng : noise of the tape.
-    faults : of camera and tape.
+    faults : of the tape.
+    shutter_s : exposure of a field, about its time; 0: what moves is sharp.
     done : called with every field that has been filmed.
 
     Returns
     -------
     The video of all cameras.
     """
-    faults = faults or TapeFaults()
+    faults, n_moments = faults or TapeFaults(), _MOMENTS if shutter_s > 0.0 else 1
+    moments = shutter_s * ((np.arange(n_moments) + 0.5) / n_moments - 0.5)
     fields: list[list[np.ndarray]] = [[] for _ in studio.rig]
     for field in range(trial.n_fields + trial.n_fields % 2):  # an odd last one would have no partner
         for i, camera in enumerate(studio.rig):
-            state = trial.state(field, LATE_S if camera.name == LATE_CAMERA else 0.0)
-            picture = studio.image(i, Configuration(model, state), backgrounds[i])
-            fields[i].append(record(picture[first_line(field) :: 2], faults, rng))
+            late, own = LATE_S if camera.name == LATE_CAMERA else 0.0, slice(first_line(field), None, 2)
+            states = [trial.state(field, late + moment) for moment in moments]
+            sharp = [studio.image(i, Configuration(model, state), backgrounds[i])[own] for state in states]
+            fields[i].append(record(exposed(sharp, camera.gamma), faults, rng))
         done(field)
     images = tuple(tuple(weave_fields(a, b) for a, b in zip(own[::2], own[1::2], strict=True)) for own in fields)
     return Footage(images, trial.n_fields)
+
+
+def exposed(images: Sequence[np.ndarray], gamma: float) -> np.ndarray:
+    """What a sensor shows that has seen several images one after the other: the mean of their light.
+
+    Parameters
+    ----------
+    images : (h, w, 3) uint8, equally long.
+    gamma : of the camera: gray levels are light to the power of one by it.
+
+    Returns
+    -------
+    (h, w, 3) uint8.
+    """
+    if len(images) == 1:
+        return images[0]
+    light = (np.arange(256, dtype=np.float32) / 255.0) ** gamma
+    mean = np.mean([light[image] for image in images], axis=0)
+    return np.rint(255.0 * mean ** (1.0 / gamma)).astype(np.uint8)
 
 
 @dataclass(frozen=True)

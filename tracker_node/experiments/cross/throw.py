@@ -26,6 +26,7 @@ LATE_CAMERA, LATE_S = "top", 0.004  # not genlocked: it exposes so much later th
 IMAGE_SIZE = (768, 576)
 MIDDLE = np.array([0.0, 0.0, 1.25])  # of the volume
 VOLUME = 2.0  # meters along each axis
+DISTORTION = {"left": -0.12, "right": -0.10, "top": -0.09}  # k1: barrels of 1 to 2 % in the corners, as of zoom lenses
 YELLOW_RGB = (250, 215, 30)
 UP, DOWN = 0.38, 0.62  # meters from the crossing to the ends of the long prism
 LEFT, RIGHT = 0.40, 0.25  # ... of the short one

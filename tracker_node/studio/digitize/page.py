@@ -32,7 +32,7 @@ class Asked(FileModel):
     sheet: Literal["first", "second", "third", "control"]
     point: str = ""
     sigma_px: PositiveNumber = 1.0
-    constraint: Literal["none", "no_skew", "square", "centered"] = "square"
+    constraint: Literal["none", "no_skew", "square", "radial", "centered"] = "square"
 
 
 class AskedClick(Asked):

@@ -210,10 +210,10 @@ def _add_dlt_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", required=True, metavar="WxH", help="size of the images, such as 768x576")
     parser.add_argument(
         "--constraint",
-        choices=("none", "no_skew", "square", "centered"),
+        choices=("none", "no_skew", "square", "radial", "centered"),
         default="square",
-        help="none: all eleven parameters; square: square pixels without skew; centered: also the principal point in the middle"
-        " of the image, for few or poor points (default: %(default)s)",
+        help="none: all eleven parameters; square: square pixels without skew; radial: also the distortion of the lens; centered:"
+        " square, with the principal point in the middle of the image, for few or poor points (default: %(default)s)",
     )
     add_sources_argument(parser)
     parser.add_argument("-o", "--output", default="rig.yaml", metavar="FILE", help="file to write (default: %(default)s)")
