@@ -294,7 +294,7 @@ def _turn_twists(T_world_cam: np.ndarray) -> np.ndarray:
 
 
 def _regular(A: np.ndarray) -> np.ndarray:
-    """Positive definite: a parameter may show in nothing, as a delay while nobody moves, or in less, where the equations of the state
+    """Positive definite: a parameter may show in nothing, as a delay while nobody moves, or in less, where the state's equations
     know less than those of the cameras."""
     scale = np.sqrt(np.maximum(A.diagonal(), 1e-12))
     values, axes = np.linalg.eigh(A / np.outer(scale, scale))
