@@ -432,6 +432,15 @@ class InformationOf(Protocol):
     @property
     def leads(self) -> bool: ...
 
+    def learn_again(self, images: Images, state: State) -> None:
+        """Learn the looks of the body anew, where they are learned.
+
+        Parameters
+        ----------
+        images, state : of all cameras, and the body's in them.
+        """
+        ...
+
     def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
         """Correspondences at ``state`` without priors, and their unit in units of information."""
         ...
@@ -529,6 +538,14 @@ class JointEngine(SequentialEngine):
     def __init__(self, first: Engine, second: Engine, beside: InformationOf, chain: KinematicChain, config: JointConfig):
         super().__init__(first, second)
         self._beside, self._chain, self._config = beside, chain, config
+
+    def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
+        """The second learns where the first has led, or the first where the second is."""
+        led = self._first.begin(images, start, known=known)
+        state = self._second.begin(images, led if self._beside.leads else start, known=known)
+        if not self._beside.leads:
+            self._beside.learn_again(images, state)
+        return state
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit one after the other, then to the sum of both; the first does not lead where it tells few parts from each other."""

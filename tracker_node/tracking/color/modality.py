@@ -117,6 +117,17 @@ class ColorModality(Modality):
             self._gains = self._photometry.gains(images, state)
         else:
             self._learn(images, state, lesson)
+            self._rms = agreement_of(self._photometry.painted, self._rig, images, state, self._options).rms
+
+    def learn_again(self, images: Images, state: State) -> None:
+        """Learn the colors anew, if they are learned at all: the first ones are those of another state.
+
+        Parameters
+        ----------
+        images, state : of all cameras, and the body's in them.
+        """
+        if self._config.learn_colors:
+            self.learn_first(images, state, 1.0)
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
