@@ -325,4 +325,5 @@ def test_what_is_told_of_a_fault_is_never_less_than_nothing():
         made = _regular(A)
         assert np.linalg.eigvalsh(made)[0] > 0.0 and (np.linalg.inv(made).diagonal() > 0.0).all()
         assert np.allclose(made, A, rtol=1e-9) == (least > 0.0)
-    assert np.linalg.eigvalsh(_regular(np.zeros((4, 4))))[0] > 0.0
+    for A in (np.zeros((4, 4)), -np.eye(4), np.array([[-1e3, 1e4], [1e4, 2.0]]), np.array([[0.0, 1e4], [1e4, 1e8]])):
+        assert np.isfinite(np.linalg.inv(_regular(A))).all() and (np.linalg.inv(_regular(A)).diagonal() > 0.0).all()

@@ -298,4 +298,4 @@ def _regular(A: np.ndarray) -> np.ndarray:
     know less than those of the cameras."""
     scale = np.sqrt(np.maximum(A.diagonal(), 1e-12))
     values, axes = np.linalg.eigh(A / np.outer(scale, scale))
-    return (axes * np.maximum(values, 1e-9)) @ axes.T * np.outer(scale, scale)
+    return (axes * np.maximum(values, 1e-9 * max(1.0, float(values[-1])))) @ axes.T * np.outer(scale, scale)
