@@ -432,15 +432,6 @@ class InformationOf(Protocol):
     @property
     def leads(self) -> bool: ...
 
-    def learn_again(self, images: Images, state: State) -> None:
-        """Learn the looks of the body anew, where they are learned.
-
-        Parameters
-        ----------
-        images, state : of all cameras, and the body's in them.
-        """
-        ...
-
     def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
         """Correspondences at ``state`` without priors, and their unit in units of information."""
         ...
@@ -540,21 +531,17 @@ class JointEngine(SequentialEngine):
         self._beside, self._chain, self._config = beside, chain, config
 
     def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
-        """The second learns where the first has led, or the first where the second is."""
+        """The second learns where the first has led, if that leads."""
         led = self._first.begin(images, start, known=known)
-        state = self._second.begin(images, led if self._beside.leads else start, known=known)
-        if not self._beside.leads:
-            self._beside.learn_again(images, state)
-        return state
+        return self._second.begin(images, led if self._beside.leads else start, known=known)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Fit one after the other, then to the sum of both; the first does not lead where it tells few parts from each other."""
-        if self._waiting or self._beside.leads:
-            fit = super().fit(start, first, prior)
-        else:
-            self._lost = self._jumped = False
+        """Fit one after the other, then to the sum of both; the second alone where the first tells few parts from each other."""
+        if not (self._waiting or self._beside.leads):
+            self._lost, self._jumped = True, False
             self._second.observe(self._images, start, self._delays)
-            fit = self._fit_second(start, first, prior)
+            return self._fit_second(start, first, prior)
+        fit = super().fit(start, first, prior)
         if self._lost:
             return fit
         options = LevenbergMarquardtOptions(max_iterations=self._config.iterations, tolerance=1e-3)

@@ -94,7 +94,7 @@ class ColorModality(Modality):
         self._images: Images = [None] * len(self._rig)
         self._delays: ExposureDelays | None = None
         self._agreement: tuple[State, ColorAgreement] | None = None
-        self._rms = 0.0  # of colors in the state last refined, gray levels a channel
+        self._rms = 0.0  # of what colors leave where they were learned, gray levels a channel
 
     def _use_colors(self) -> None:
         """Those of the model are left to the model, whose faces may have colors of their own."""
@@ -118,16 +118,6 @@ class ColorModality(Modality):
         else:
             self._learn(images, state, lesson)
             self._rms = agreement_of(self._photometry.painted, self._rig, images, state, self._options).rms
-
-    def learn_again(self, images: Images, state: State) -> None:
-        """Learn the colors anew, if they are learned at all: the first ones are those of another state.
-
-        Parameters
-        ----------
-        images, state : of all cameras, and the body's in them.
-        """
-        if self._config.learn_colors:
-            self.learn_first(images, state, 1.0)
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
@@ -160,22 +150,17 @@ class ColorModality(Modality):
         return float(max(self.agreement(state).rms, self._config.residual_sigma) ** 2 * self._config.correlation)
 
     def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
-        """Colors of the surface seen in ``state``, on the finest level, and their unit in units of information.
-
-        Unless colors lead, those alone of links that differ from the links next to them: where one cloth covers both sides of a
-        joint, folds and shades pass for borders.
-        """
-        self._rms, points = self.agreement(state).rms, self.correspond(state, 0)
-        return points if self.leads else points.on_links(self._distinct_links), 1.0 / self.variance(state)
-
-    @property
-    def _distinct_links(self) -> np.ndarray:
-        return self._colors.distinct_links(min(_CONTRAST * max(self._rms, self._config.residual_sigma), _CLEAR))
+        """Colors of the surface seen in ``state``, on the finest level, and their unit in units of information."""
+        return self.correspond(state, 0), 1.0 / self.variance(state)
 
     @property
     def leads(self) -> bool:
-        """Whether most links have a color that tells them from those next to them."""
-        return bool(self._distinct_links.mean() > 0.5)
+        """Whether most links have a color that tells them from the links next to them.
+
+        Where one cloth covers both sides of a joint, folds and shades pass for borders.
+        """
+        least = min(_CONTRAST * max(self._rms, self._config.residual_sigma), _CLEAR)
+        return bool(self._colors.distinct_links(least).mean() > 0.5)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:
         """Colors follow slowly, where ``color_rate`` is positive."""
