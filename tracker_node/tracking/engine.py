@@ -500,7 +500,8 @@ class SequentialEngine(AnyEngine):
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
         """Assess the fit of the second; the first knows whether the body was found far from where it was expected."""
-        return replace(self._second.assess(fit, image_set), jumped=self._jumped)
+        assessment = self._second.assess(fit, image_set)
+        return assessment if self._lost else replace(assessment, jumped=self._jumped)
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
         """Residuals and covariance of the second."""
@@ -538,7 +539,7 @@ class JointEngine(SequentialEngine):
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit one after the other, then to the sum of both; the second alone where the first tells few parts from each other."""
         if not (self._waiting or self._beside.leads):
-            self._lost, self._jumped = True, False
+            self._lost = True
             self._second.observe(self._images, start, self._delays)
             return self._fit_second(start, first, prior)
         fit = super().fit(start, first, prior)
