@@ -429,8 +429,7 @@ class InformationOf(Protocol):
     leads : whether it tells enough of the body to say where that is, before another one refines it.
     """
 
-    @property
-    def leads(self) -> bool: ...
+    leads: bool
 
     def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
         """Correspondences at ``state`` without priors, and their unit in units of information."""
@@ -457,6 +456,11 @@ class SequentialEngine(AnyEngine):
         self._lost, self._jumped = True, False
 
     @property
+    def _leads(self) -> bool:
+        """Whether the first tells enough of the body to say where that is; else the second is alone."""
+        return True
+
+    @property
     def colors(self) -> PartColors | None:
         return self._second.colors
 
@@ -466,29 +470,30 @@ class SequentialEngine(AnyEngine):
 
     def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
         """The second learns where the first has led."""
-        start = self._first.begin(images, start, known=known)
-        return self._second.begin(images, start, known=known)
+        led = self._first.begin(images, start, known=known)
+        return self._second.begin(images, led if self._leads else start, known=known)
 
     def observe(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, people: PeopleSeen = ()
     ) -> None:
         """What the second sees depends on what the first has found, and is taken in `fit`."""
         self._images, self._delays, self._waiting = images, delays, expected is None
-        self._first.observe(images, expected, delays)
+        if self._leads:
+            self._first.observe(images, expected, delays)
 
     def support(self, images: Images, state: State) -> float | None:
         return self._second.support(images, state)
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
         """Fit by the first, then by the second."""
-        found = self._first.fit(start, first)
-        assessment = None if self._waiting else self._first.assess(found, ImageSet(0, ()))
-        self._lost = lost = assessment is None or assessment.status is Status.LOST
-        self._jumped = not lost and assessment is not None and assessment.jumped
-        begin = start if lost else found.state
-        self._second.observe(self._images, None if self._waiting else begin, self._delays)
-        prior = prior if lost else self._prior(found.state, prior)
-        return _counted(self._fit_second(begin, first, prior), found.iterations, found.evaluations)
+        found = self._first.fit(start, first) if self._leads else None
+        assessment = None if found is None or self._waiting else self._first.assess(found, ImageSet(0, ()))
+        self._lost, self._jumped = assessment is None or assessment.status is Status.LOST, False
+        if not (found is None or assessment is None or self._lost):
+            start, self._jumped, prior = found.state, assessment.jumped, self._prior(found.state, prior)
+        self._second.observe(self._images, None if self._waiting else start, self._delays)
+        fit = self._fit_second(start, first, prior)
+        return fit if found is None else _counted(fit, found.iterations, found.evaluations)
 
     def _fit_second(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """The fit of the second, once it is known whether the first is lost."""
@@ -517,7 +522,7 @@ class JointEngine(SequentialEngine):
 
     The normal equations of the first, divided by the variance of one pixel's color and by how many neighbors share one error,
     are an inverse covariance like those of the second, so the two are added, each divided by what its covariances have to be
-    multiplied with to agree with errors. Where the first does not find the body, the second is alone.
+    multiplied with to agree with errors. Where the first does not find the body, or does not lead, the second is alone.
 
     Parameters
     ----------
@@ -531,17 +536,12 @@ class JointEngine(SequentialEngine):
         super().__init__(first, second)
         self._beside, self._chain, self._config = beside, chain, config
 
-    def begin(self, images: Images, start: State, *, known: bool = False, people: PeopleSeen = ()) -> State:
-        """The second learns where the first has led, if that leads."""
-        led = self._first.begin(images, start, known=known)
-        return self._second.begin(images, led if self._beside.leads else start, known=known)
+    @property
+    def _leads(self) -> bool:
+        return self._beside.leads
 
     def fit(self, start: State, first: bool, prior: Prior | None = None) -> Fit:
-        """Fit one after the other, then to the sum of both; the second alone where the first tells few parts from each other."""
-        if not (self._waiting or self._beside.leads):
-            self._lost = True
-            self._second.observe(self._images, start, self._delays)
-            return self._fit_second(start, first, prior)
+        """Fit one after the other, then to the sum of both."""
         fit = super().fit(start, first, prior)
         if self._lost:
             return fit

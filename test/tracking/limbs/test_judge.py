@@ -196,10 +196,10 @@ def test_points_say_which_limb_it_is_and_outlines_count_little_beside_them():
 
 def test_outlines_on_the_shapes_of_a_clothed_body_count_in_full_beside_points():
     config, p = StatusConfig(), []
-    for clothed in (False, True):
+    for own in (False, True):
         judge = LimbJudge(MODEL, config)
         told(judge, evidence(), 20)
-        judge.update(evidence(), STATE, None, beside(left_forearm=4.0), clothed=clothed)
+        judge.update(evidence(), STATE, None, beside(left_forearm=4.0), own_surfaces=own)
         p.append(judge.probabilities[1])
     assert p[0] > 0.1 > 0.05 > p[1]
 

@@ -112,7 +112,6 @@ class CrossScene:
             picked.append(np.median(image[inside][:, ::-1], axis=0) / factor)
         return np.repeat(np.array(picked)[:, None], len(self.model.shapes), axis=1)
 
-
     def _factors(self, state: State, camera: Camera, lit: CameraRig) -> np.ndarray:
         """(h, w, 3) by which the colors of the cross are multiplied, RGB."""
         gray = replace(self.model, shapes=tuple(replace(shape, color_rgb=(100, 100, 100)) for shape in self.model.shapes))

@@ -192,8 +192,10 @@ class ColorJudge(Judge):
         if self.limbs is None or not self._reports:
             return Report(cameras, agreement.rms, inverse_covariance(fit.equations.H, variance))
         # Priors hold the fit near the prediction, which errs as the images do
-        covariance, second_order = inverse_covariance(points.linearize(fit.state).H, variance), None
-        if self.limbs.jointed:
+        second_order = None
+        if not self.limbs.jointed:
+            covariance = inverse_covariance(points.linearize(fit.state).H, variance)
+        else:
             assert isinstance(points, SurfaceCorrespondences)
             normal, body = points.link_information(fit.state), configured(self._model, fit.state)
             covariance, second_order = self.limbs.covariance(normal, variance, agreement, self._reports, body)

@@ -63,6 +63,11 @@ class ColorModality(Modality):
     fit_gain : find in the first image set what brings each camera's images into the light of the model, where colors are not
         learned: those are in the light of the images.
 
+    Attributes
+    ----------
+    leads : whether most links have a color that tells them from the links next to them. Where one cloth covers both sides of a
+        joint, folds and shades pass for borders.
+
     Raises
     ------
     ModelError : a model without colors, when none are to be learned.
@@ -94,7 +99,7 @@ class ColorModality(Modality):
         self._images: Images = [None] * len(self._rig)
         self._delays: ExposureDelays | None = None
         self._agreement: tuple[State, ColorAgreement] | None = None
-        self._rms = 0.0  # of what colors leave where they were learned, gray levels a channel
+        self.leads = self._are_distinct(0.0)
 
     def _use_colors(self) -> None:
         """Those of the model are left to the model, whose faces may have colors of their own."""
@@ -117,7 +122,7 @@ class ColorModality(Modality):
             self._gains = self._photometry.gains(images, state)
         else:
             self._learn(images, state, lesson)
-            self._rms = agreement_of(self._photometry.painted, self._rig, images, state, self._options).rms
+            self.leads = self._are_distinct(agreement_of(self._photometry.painted, self._rig, images, state, self._options).rms)
 
     def set_images(
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
@@ -153,13 +158,9 @@ class ColorModality(Modality):
         """Colors of the surface seen in ``state``, on the finest level, and their unit in units of information."""
         return self.correspond(state, 0), 1.0 / self.variance(state)
 
-    @property
-    def leads(self) -> bool:
-        """Whether most links have a color that tells them from the links next to them.
-
-        Where one cloth covers both sides of a joint, folds and shades pass for borders.
-        """
-        least = min(_CONTRAST * max(self._rms, self._config.residual_sigma), _CLEAR)
+    def _are_distinct(self, rms: float) -> bool:
+        """Whether most links are told apart, where colors leave ``rms`` gray levels a channel."""
+        least = min(_CONTRAST * max(rms, self._config.residual_sigma), _CLEAR)
         return bool(self._colors.distinct_links(least).mean() > 0.5)
 
     def learn(self, images: Images, state: State, weights: np.ndarray | None) -> None:

@@ -211,7 +211,7 @@ class LimbJudge:
 
     def update(
         self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None,
-        helped: bool = False, common: np.ndarray | None = None, clothed: bool = False,
+        helped: bool = False, common: np.ndarray | None = None, own_surfaces: bool = False,
     ) -> tuple[LimbReport, ...]:  # fmt: skip
         """Take in an image set.
 
@@ -223,7 +223,7 @@ class LimbJudge:
         others : (n_limbs,) log odds of being lost by the points of a detector, nan without any; None: no detector has looked.
         helped : silhouettes of a detector help to find the outlines.
         common : (n_limbs,) mask of those whose colors are all around: little tells them from what is behind; None: of none.
-        clothed : the body's shapes are those that are seen: outlines count beside points as they do alone.
+        own_surfaces : the shapes are those that are seen: outlines count beside points as they do alone.
 
         Returns
         -------
@@ -239,7 +239,7 @@ class LimbJudge:
         if others is None:
             others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
-        beside = self._config.evidence_limit if clothed else _BESIDE
+        beside = self._config.evidence_limit if own_surfaces else _BESIDE
         empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
         each = zip(measures, sigmas.tolist(), others.tolist(), told, strict=True)

@@ -152,8 +152,7 @@ class RegionFitting:
         lines = fit.correspondences
         assert isinstance(lines, LineCorrespondences)
         spread = lines.at(fit.state).spread_px
-        if spread is not None:
-            beliefs.compare(spread / self.region.size(fit.state)[1])
+        beliefs.compare(np.inf if spread is None else spread / self.region.size(fit.state)[1])
         return beliefs.are_own
 
     def points_at(self, start: State) -> list[KeypointCorrespondences]:

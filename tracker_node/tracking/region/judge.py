@@ -81,7 +81,8 @@ class RegionJudge(Judge):
         images, (covariance, _) = self._of(fit)
         about_one = covariance if images.modes is None else covariance - images.modes @ images.modes.T
         common = np.array([p > _ASKED and self._is_common(limb.shapes) for limb, p in self.limbs.by_probability])
-        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common, self._fitting.region.is_clothed)
+        own = self._fitting.region.surfaces_are_own
+        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common, own)
         status, reason = body_status(reports)
         doubt, doubt_rad = self.limbs.doubt(evidence, fit.state, covariance), 0.0
         if len(reports) == 1 and (doubt or status is not Status.TRACKING):  # a camera without an image is no doubt

@@ -114,7 +114,7 @@ class RegionModality(Modality):
         return self._surfaces
 
     @property
-    def is_clothed(self) -> bool:
+    def surfaces_are_own(self) -> bool:
         """Whether contours are known to lie on the model's own shapes."""
         return self._surfaces is not None and self._surfaces.are_own
 

@@ -200,7 +200,7 @@ class Reacquisition(Solver):
         else:
             fit = replace(self._fitting.fit(found, scales, None, self._model_sigma_px), jumped=True)
         if self._fitting.finds_own_surfaces(fit.state):
-            fit = self._fitting.fit(fit.state, scales, prior, self._model_sigma_px)
+            fit = replace(self._fitting.fit(fit.state, scales, prior, self._model_sigma_px), jumped=fit.jumped)
         held = None if first else self._held_by_lines(fit, start, prior)
         return replace(self._fitting.redrawn(held or fit), jumped=held is None and fit.jumped)
 
@@ -209,7 +209,7 @@ class Reacquisition(Solver):
 
         Contours that lie on the model's own shapes tell that; around clothes they do not, and points that err are rarer.
         """
-        if not self._fitting.region.is_clothed:
+        if not self._fitting.region.surfaces_are_own:
             return None
         apart = configured(self._model, fit.state).Ts_world_shape - configured(self._model, start).Ts_world_shape
         if np.linalg.norm(apart[:, :3, 3], axis=1).max() < _FAR_M:
