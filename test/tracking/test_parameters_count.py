@@ -51,7 +51,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "rigid": {"modalities": ["color"]},
     "texture": {"modalities": ["texture"]},
     "over background": {"modalities": ["color_over_background"], "color_over_background.learn_colors": True},
-    "joint": {"modalities": ["color", "region"], "color.learn_colors": True},
+    "joint": {"modalities": ["color", "region"]},
     "keypoints": {"modalities": ["region", "keypoints"]},
     "fixed": {"motion.base": "fixed"},
 }
