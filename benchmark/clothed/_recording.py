@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -61,6 +61,10 @@ class ClothedClip:
 
     def __len__(self) -> int:
         return len(self.truth_m)
+
+    def seen_by(self, camera: str) -> ClothedClip:
+        """The clip by one of its cameras alone."""
+        return replace(self, rig=replace(self.rig, cameras=(self.rig[camera],)))
 
     def start(self, row: int = 0) -> State:
         """The state whose landmarks are nearest to the truth."""

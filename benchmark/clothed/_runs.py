@@ -23,8 +23,9 @@ from tracker_node.tracking.keypoints.body_from_points import body_from_points
 from tracker_node.tracking.modality import PeopleSeen, Persons
 from tracker_node.tracking.tracker import Tracker
 
-TOGETHER, POINTS, OWN_BODY, CONTOURS = "together", "points", "own_body", "contours"
-MODALITIES = {kind: ["region", "keypoints"] for kind in (TOGETHER, OWN_BODY)} | {POINTS: ["keypoints"], CONTOURS: ["region"]}
+TOGETHER, POINTS, OWN_BODY, CONTOURS, ONE_CAMERA = "together", "points", "own_body", "contours", "one_camera"
+_ALONE = {POINTS: ["keypoints"], CONTOURS: ["region"]}
+MODALITIES = _ALONE | {kind: ["region", "keypoints"] for kind in (TOGETHER, OWN_BODY, ONE_CAMERA)}
 
 OWN_BODY_SETS = 5
 BONES = tuple(pair for chain in CHAINS for pair in pairwise(chain))

@@ -6,7 +6,8 @@ names), and seeds 1 to 8 of ``draw_clips.py`` where they are drawn; ``--clips`` 
 scaled to ``static.trc``; parameters are the defaults, no background is known, states are those of the moment.
 ``clothed_CLIP``: modalities region and keypoints, the body is found in the first image set; ``..._points``: keypoints alone;
 ``..._contours``: region alone, from the true state; ``..._own_body``: both modalities, the body made from the points of the
-first five image sets; ``bone_error_mm``: of the lengths of its eight limb bones. ``mpjpe12_mm``, ``offset_free12_mm``: mean
+first five image sets; ``bone_error_mm``: of the lengths of its eight limb bones. ``clothed_1cam``: as together, each camera
+alone, which finds the body in its own images; over all clips and cameras. ``mpjpe12_mm``, ``offset_free12_mm``: mean
 error of 12 joints, raw, and without one constant offset a joint in the world.
 
 ``clothed.wrong_called_tracking``, ``right_called_lost``: fractions of the limb-sets that are wrong (end joint more than 150 mm
@@ -38,6 +39,8 @@ from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.clothed._disturbed import Decisions, disturbed_runs
 from benchmark.clothed._judged import (
+    SIGMAS,
+    Accuracy,
     LimbCounts,
     accuracy,
     limbs_of_run,
@@ -50,6 +53,7 @@ from benchmark.clothed._people import KeptPeople
 from benchmark.clothed._recording import JOINTS, ClothedClip, default_folders, limbs_shown, load_clip
 from benchmark.clothed._runs import (
     CONTOURS,
+    ONE_CAMERA,
     OWN_BODY,
     POINTS,
     TOGETHER,
@@ -67,8 +71,9 @@ from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.observation.keypoints.blazepose import BlazePoseFiles
 from tracker_node.report.metrics_file import report_metrics
 
-PARTS = ("own_body", "trust", "starts", "contours")
+PARTS = ("own_body", "trust", "starts", "contours", "one_camera")
 DEFAULT_SIZE = "full"
+KINDS = (TOGETHER, POINTS, OWN_BODY, CONTOURS, ONE_CAMERA)
 QUICK_CONTOURS = 2  # clips of which contours alone are tracked in a quick run
 OUTPUT = Path("out/benchmark/clothed")
 
@@ -77,7 +82,7 @@ OUTPUT = Path("out/benchmark/clothed")
 class Found:
     """What has been measured so far; ``limbs`` by kind of run and clip."""
 
-    runs: dict[str, list[Run]] = field(default_factory=lambda: {kind: [] for kind in (TOGETHER, POINTS, OWN_BODY, CONTOURS)})
+    runs: dict[str, list[Run]] = field(default_factory=lambda: {kind: [] for kind in KINDS})
     bones_mm: list[float] = field(default_factory=list)
     limbs: dict[tuple[str, str], LimbCounts] = field(default_factory=dict)
     decisions: Decisions = field(default_factory=Decisions)
@@ -134,6 +139,11 @@ def measure(clips: list[ClothedClip], files: BlazePoseFiles, args: argparse.Name
     if "starts" in args.only:
         for clip in clips:
             found.trials += starts(clip, kept[clip.name], 5 if args.quick else 20, args.changes)
+    if "one_camera" in args.only:
+        for clip in clips:
+            for camera in clip.rig.names[:1] if args.quick else clip.rig.names:
+                one = clip.seen_by(camera)
+                _add(found, one, track(one, ONE_CAMERA, settings(ONE_CAMERA, args.changes), kept[clip.name].with_people))
     if "contours" in args.only:  # a body that is lost is searched for long
         for clip in clips[:QUICK_CONTOURS] if args.quick else clips:
             _add(found, clip, track(clip, CONTOURS, settings(CONTOURS, args.changes), without_people, clip.start()))
@@ -188,7 +198,8 @@ def figures_of(found: Found, size: str) -> dict[str, float | int]:
     }
     if found.bones_mm:
         figures[f"{name}.bone_error_mm"] = float(np.mean(found.bones_mm))
-    limbs = sum((each for (kind, _), each in found.limbs.items() if kind != POINTS), LimbCounts())
+    figures |= _of_one_camera(found, f"{name}_1cam", results[ONE_CAMERA])
+    limbs = sum((each for (kind, _), each in found.limbs.items() if kind not in (POINTS, ONE_CAMERA)), LimbCounts())
     figures |= {f"{name}.{key}": value for key, value in limbs.fractions().items()}
     figures |= {f"{name}.wrong_limb_sets": limbs.wrong, f"{name}.right_limb_sets": limbs.right}
     within = within_sigmas(found.runs[TOGETHER])
@@ -220,6 +231,24 @@ def figures_of(found: Found, size: str) -> dict[str, float | int]:
             f"start_clothed{mark}.trials": len(found.trials),
         }  # fmt: skip
     return figures
+
+
+def _of_one_camera(found: Found, name: str, results: list[Accuracy]) -> dict[str, float | int]:
+    """Over all clips and cameras; errors within two standard deviations are those with their constant offsets."""
+    runs = found.runs[ONE_CAMERA]
+    if not runs:
+        return {}
+    limbs = sum((each for (kind, _), each in found.limbs.items() if kind == ONE_CAMERA), LimbCounts())
+    fractions, states = limbs.fractions(), [run.has_state for run in runs]
+    differences = np.concatenate([(run.found_m - run.truth_m)[rows] for run, rows in zip(runs, states, strict=True)])
+    variances = np.concatenate([run.variances_m2[rows] for run, rows in zip(runs, states, strict=True)])
+    return {
+        f"{name}.wrong_called_tracking": fractions["wrong_called_tracking"], f"{name}.wrong_limb_sets": limbs.wrong,
+        f"{name}.right_called_lost": fractions["right_called_lost"], f"{name}.right_limb_sets": limbs.right,
+        f"{name}.within_2_sigma": float((np.abs(differences) <= SIGMAS * np.sqrt(variances)).mean()),
+        f"{name}.median_mm": 1e3 * float(np.median(np.linalg.norm(differences, axis=2))),
+        f"{name}.first_state_set": max(result.first_state_set for result in results),
+    }  # fmt: skip
 
 
 def _median_ms(runs: list[Run], name: str) -> float:

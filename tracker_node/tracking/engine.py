@@ -27,6 +27,7 @@ from .modality import Images, Modality, PartColors, PeopleSeen, Persons
 from .motion.model import ExposureDelays
 
 _NO_WORSE, _AS_GOOD = 1.1, 0.01  # times, and beyond, its own best score, to which the first agrees with the second
+_DENIED_SETS = 15  # in which a detector sees people, and none where the body is, after which that is LOST
 _TRACE = 1e-9  # of the largest entry of an information's diagonal
 
 
@@ -188,7 +189,14 @@ class Judge(Assesses, Protocol):
 
 
 class Choice(Finds, Claims, Protocol):
-    """Chooses who of the people in the images is the body."""
+    """Chooses who of the people in the images is the body.
+
+    Attributes
+    ----------
+    denied_sets : image sets in a row in which somebody was seen, and nobody was the body.
+    """
+
+    denied_sets: int
 
     def reset(self) -> None:
         """Forget everything."""
@@ -409,6 +417,8 @@ class Engine(AnyEngine):
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
         """Assess a fit by the engine's judge; the solver remembers it."""
         assessment = self.judge.assess(fit, image_set)
+        if self.choice is not None and self.choice.denied_sets >= _DENIED_SETS and assessment.status is not Status.LOST:
+            assessment = replace(assessment, status=Status.LOST, reason="people are seen, but nobody where the body is")
         self._weights = assessment.part_weights
         self.solver.remember(fit, assessment)
         return assessment

@@ -34,9 +34,9 @@ class Start:
         return self._state
 
 
-def choice(start: Start | None = None) -> PersonChoice:
-    modality = KeypointModality(RIG, HUMAN, KeypointConfig(), BLAZEPOSE)
-    return PersonChoice(RIG, modality, start or Start())  # type: ignore[arg-type]
+def choice(start: Start | None = None, rig=RIG) -> PersonChoice:
+    modality = KeypointModality(rig, HUMAN, KeypointConfig(), BLAZEPOSE)
+    return PersonChoice(rig, modality, start or Start())  # type: ignore[arg-type]
 
 
 def true_people(sigma_px: float = 2.0) -> list[Person]:
@@ -96,16 +96,35 @@ def flat(expected: State) -> Person:
     return replace(person, pixels=0.5 * (person.pixels + swapped(person).pixels))
 
 
+@pytest.mark.parametrize("n_cameras", [1, 3])
+def test_what_one_camera_alone_tells_is_no_swap(n_cameras):
+    """It may be the body that turns about; where there are others, it is doubted for some sets."""
+    rig = replace(RIG, cameras=RIG.cameras[:n_cameras])
+    person, made = swapped(true_people()[0]), choice(rig=rig)
+    taken = [made.choose([(person,), (), ()][:n_cameras], TRUE)[0] is person for _ in range(8)]
+    assert taken == [n_cameras == 1] * 5 + [True] * 3
+
+
+def test_image_sets_are_counted_in_which_people_are_seen_but_not_the_body():
+    made, elsewhere = choice(), seen_by(RIG, standing(2.0, 0.0, 0.0))
+    for n in range(1, 4):
+        assert made.choose([(person,) for person in elsewhere], TRUE) == [None] * 3 and made.denied_sets == n
+    made.choose([(), (), ()], TRUE)
+    assert made.denied_sets == 3  # who sees nobody says nothing
+    made.choose([(true_people()[0],), (elsewhere[1],), ()], TRUE)
+    assert made.denied_sets == 0
+
+
 def test_a_camera_that_swaps_goes_on_to_swap_for_a_while():
     """Its log odds, ten at most, come down by 0.7 a set to those of before: -2."""
     made, expected = choice(), in_the_middle()
-    ambiguous = flat(expected)
+    ambiguous, beside = flat(expected), (seen_by(RIG, expected)[1],)
     assert made.choose([(ambiguous,), (), ()], expected)[0] is ambiguous
     made.choose([(swapped(true_people()[0]),), (), ()], TRUE)
     odds, exchanged = 10.0, []
     for _ in range(8):
         odds = 0.7 * odds - 0.3 * 2.0
-        found = made.choose([(ambiguous,), (), ()], expected)[0]
+        found = made.choose([(ambiguous,), beside, ()], expected)[0]
         exchanged.append(found is not ambiguous)
         assert exchanged[-1] == (odds > 0.0), odds
     assert exchanged == [True] * 5 + [False] * 3

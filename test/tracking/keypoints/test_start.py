@@ -16,9 +16,11 @@ from helpers.bodies.detected_people import (
     seen_by,
     standing,
     swapped,
+    with_skeletons,
     without,
 )
 from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.camera.rig import CameraRig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import gait_human, human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE
@@ -47,6 +49,44 @@ def starting(made: TrackerConfig | None = None, rig=RIG) -> PointStart:
     made = made or config()
     modality = KeypointModality(rig, HUMAN, made.keypoints, BLAZEPOSE)
     return PointStart(rig, HUMAN, KeypointFitting(HUMAN, made, modality))
+
+
+ONE = CameraRig(RIG.cameras[:1])
+
+
+def off_across_m(one: State, other: State) -> float:
+    """How far points are beside each other as the camera sees them, at most."""
+    away = (places(one) - places(other)) @ ONE.cameras[0].T_cam_world[:3, :3].T
+    return float(np.linalg.norm(away[:, :2], axis=1).max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_one_camera_places_the_body_by_its_size(seed):
+    """Depths and the turn are those that the detector guesses; pixels hold what they tell."""
+    true = posed(seed, share=0.2)
+    person = with_skeletons(ONE, seen_by(ONE, true), true)[0]
+    found = starting(config(**EXACT), ONE).find([(person,)])
+    assert found is not None and off_across_m(found, true) < 0.02 and off_points_m(found, true).max() < 0.25
+
+
+def test_without_guesses_one_camera_takes_the_body_to_be_as_far_as_its_longest_part_says():
+    true = standing(0.2, 0.1, 0.3)
+    found = starting(config(**EXACT), ONE).find([(seen_by(ONE, true)[0],)])
+    assert found is not None and off_across_m(found, true) < 0.03 and off_points_m(found, true).max() < 0.4
+
+
+def test_one_of_several_cameras_waits_for_the_others_before_it_says_where_the_body_is():
+    true = posed(2, share=0.2)
+    person, made = with_skeletons(RIG, seen_by(RIG, true), true)[0], starting(config(**EXACT))
+    found = [made.find([(person,), (), ()]) for _ in range(6)]
+    assert found[:5] == [None] * 5 and found[5] is not None and off_across_m(found[5], true) < 0.02
+
+
+def test_one_camera_waits_while_the_detector_is_unsure():
+    true = posed(2, share=0.2)
+    person, made = with_skeletons(ONE, seen_by(ONE, true), true)[0], starting(config(**EXACT), ONE)
+    found = [made.find([(replace(person, score=0.6),)]) for _ in range(6)]
+    assert found[:5] == [None] * 5 and found[5] is not None
 
 
 def after_waiting(people) -> State | None:

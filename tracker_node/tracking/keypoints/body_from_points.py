@@ -95,7 +95,7 @@ def body_from_points(
     choice = PersonChoice(rig, modality, start)
     rows, states, observed = [], [], []
     for row, seen in enumerate(people):
-        state = choice.find(seen, near)
+        state = choice.find(seen, near) if sum(map(bool, seen)) > 1 else None  # one camera tells no lengths
         if state is not None:
             modality.set_images((), state, None, choice.choose(seen, state))
             rows.append(row)

@@ -20,6 +20,7 @@ _OUTLIER = 0.15  # fraction of points that are anywhere
 _LEAST = 2.0  # log-likelihood ratio, a point that is sure, of the body against anybody
 _SWAP_PRIOR = -2.0  # log odds of a swap before anything has been seen, a person
 _SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from set to set
+_ALONE_SETS = 5  # after which nothing is left of what several cameras said of swaps
 # Left and right of single joints: standard deviation of points of the body around where they are expected; from how many of them
 # costs grow linearly; log-likelihood ratio from which a joint is exchanged, as one in fifty images has it
 _PAIR_M, _PAIR_FAR, _PAIR_LEAST = 0.05, 3.0, 4.0
@@ -44,20 +45,28 @@ class PersonChoice(Choice):
 
     def reset(self) -> None:
         """Nothing is known of swaps, and nobody has been looked for."""
+        self.denied_sets = self._alone_sets = 0
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
         self._start.reset()
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """Where the body begins."""
         self._swaps[:] = _SWAP_PRIOR
-        return self._start.find(people, near)
+        found = self._start.find(people, near)
+        if found is not None:
+            self.denied_sets = 0
+        return found
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         """The body in each camera."""
         if all(persons is None for persons in people):
             return ()
         places = self._modality.places(expected)
-        return self._with_pairs([self._chosen(i, persons or (), places) for i, persons in enumerate(people)], places)
+        self._alone_sets = 0 if sum(map(bool, people)) > 1 else self._alone_sets + 1
+        chosen = [self._chosen(i, persons or (), places) for i, persons in enumerate(people)]
+        if any(people):
+            self.denied_sets = 0 if any(chosen) else self.denied_sets + 1
+        return self._with_pairs(chosen, places)
 
     def claims(self, people: PeopleSeen, expected: State) -> list[np.ndarray]:
         """How well everybody suits."""
@@ -117,13 +126,15 @@ class PersonChoice(Choice):
         return sigma_m * float(camera.model.K[0, 0]) / max(depth, 0.1)
 
     def _chosen(self, i: int, persons: tuple[Person, ...], places: np.ndarray) -> Person | None:
+        """Who is the body in a camera; one alone is taken by its word: only others tell a swap from a body that turns about."""
         camera, best, most = self._rig.cameras[i], None, -np.inf
+        alone = len(self._rig) == 1 or self._alone_sets > _ALONE_SETS
         pixels, seen = camera.project(places)
         sigma_px = self._sigma_px(i, places, _EXPECTED_M)
         swap = self._swaps[i] * _SWAP_KEPT + _SWAP_PRIOR * (1.0 - _SWAP_KEPT)
         for person in persons:
             as_found, exchanged, sure = self._either_way(person, pixels, seen, sigma_px)
-            odds = swap + exchanged - as_found
+            odds = -np.inf if alone else swap + exchanged - as_found
             if max(as_found, exchanged) > max(most, _LEAST * sure):
                 most, best = max(as_found, exchanged), mirrored(person) if odds > 0.0 else person
                 self._swaps[i] = float(np.clip(odds, -10.0, 10.0))

@@ -11,6 +11,7 @@ from ...optimize.fitter import Fit
 from ..assessment import Assessment, Report, assess_cameras, camera_reports, inverse_covariance
 from ..engine import Judge
 from ..estimate import Status
+from ..limbs.judge import KNOWN_M
 from .modality import KeypointModality
 
 _LEAST_POINTS = 6  # of all cameras, for a body to be seen at all
@@ -56,10 +57,12 @@ class KeypointJudge(Judge):
         shares = {
             camera.name: float(inliers[:, i].sum() / seen[:, i].sum()) for i, camera in enumerate(self._rig) if seen[:, i].any()
         }
-        return Assessment(
-            *assess_cameras(shares, _LOST, image_set.cameras, len(self._rig), "the body's points are elsewhere", "the body"),
-            log_ratio=-fit.equations.cost,
-        )  # fmt: skip
+        sees, elsewhere = "the body", "the body's points are elsewhere"
+        status, reason = assess_cameras(shares, _LOST, image_set.cameras, len(self._rig), elsewhere, sees)
+        sigma_m = _sigma_m(fit)
+        if status is Status.TRACKING and sigma_m > KNOWN_M:
+            status, reason = Status.DEGRADED, f"its place is known to {1e3 * sigma_m:.0f} mm"
+        return Assessment(status, reason, log_ratio=-fit.equations.cost)
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
         """Distances of points, pixels, and the covariance."""
@@ -69,6 +72,11 @@ class KeypointJudge(Judge):
         of_cameras = [_rms(weights[:, i], squares[:, i]) for i in range(len(self._rig))]
         cameras = camera_reports(self._rig, image_set, of_cameras, (weights > 0.5).sum(axis=0))
         return Report(cameras, _rms(weights, squares), inverse_covariance(fit.equations.H, 1.0))
+
+
+def _sigma_m(fit: Fit) -> float:
+    """Standard deviation of the root, meters, in the direction in which it is known least: one camera leaves its depth open."""
+    return float(np.sqrt(np.linalg.eigvalsh(inverse_covariance(fit.equations.H, 1.0)[:3, :3])[-1]))
 
 
 def _rms(weights: np.ndarray, squares: np.ndarray) -> float:

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...camera.rig import CameraRig
+from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...model.humans.keypoints import (
@@ -34,6 +34,7 @@ from ...objective.keypoints.correspondences import (
     packed_cameras,
 )
 from ...objective.keypoints.kernels import N_COLUMNS
+from ...observation.keypoints.people import Person
 from ..config import KeypointConfig
 from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
@@ -89,6 +90,7 @@ class KeypointModality(Modality):
     ----------
     names : of the points that the body has.
     offsets : of these points, as they are known now.
+    guesses : what detectors guess of a body along the rays.
     looked : a detector has looked at the present images.
     """
 
@@ -99,7 +101,7 @@ class KeypointModality(Modality):
         self._cameras = packed_cameras(rig)
         self._observed: np.ndarray | None = None
         self.looked = False
-        self._guesses = DepthGuesses(rig, self.names, points, config)
+        self.guesses = DepthGuesses(rig, self.names, points, config)
         self._depths: GuessedDepths | None = None
 
     def reset(self) -> None:
@@ -123,7 +125,7 @@ class KeypointModality(Modality):
             observed = self._of(persons)
             if delays is not None:
                 self._brought_together(observed, expected, delays)
-            self._observed, self._depths = observed.packed(), self._guesses.of(persons)
+            self._observed, self._depths = observed.packed(), self.guesses.of(persons)
 
     def _of(self, persons: Persons) -> ObservedPoints:
         n, m, config = len(self.names), len(self._rig), self._config
@@ -194,8 +196,8 @@ class DepthGuesses:
         for row, bone in zip(self._bones, known, strict=True):
             for part, sign in ((bone.far, 1.0), (bone.near, -1.0)):
                 row[[names.index(name) for name in part]] = sign / len(part)
-        lengths = np.linalg.norm(self._bones @ points.places(State.neutral(points.model)), axis=1)
-        self._shares, self._sigmas = np.array([bone.share for bone in known]), lengths * [bone.sigma for bone in known]
+        self._lengths = np.linalg.norm(self._bones @ points.places(State.neutral(points.model)), axis=1)
+        self._shares, self._sigmas = np.array([bone.share for bone in known]), self._lengths * [bone.sigma for bone in known]
 
     def of(self, persons: Persons) -> GuessedDepths | None:
         """What the detector guesses of the body in each camera; None without any guess."""
@@ -210,16 +212,58 @@ class DepthGuesses:
             pixels, skeleton = person.pixels[rows], self._meters * person.skeleton[rows]
             known = np.isfinite(skeleton).all(axis=1)
             if known.any():
-                ends = self._bones != 0.0
-                depths[i] = np.where((ends & ~known).any(axis=1), np.nan, self._bones @ np.where(known, skeleton[:, 2], 0.0))
-                seen, flat = (each[known] - each[known].mean(axis=0) for each in (pixels, skeleton[:, :2]))
-                px_per_m = max(float((seen * flat).sum()), 1e-9) / max(float((flat * flat).sum()), 1e-9)
-                distances[i] = float(camera.model.params[0]) / px_per_m
-                ray = camera.model.rays(pixels[known].mean(axis=0)[None])[0][0]
-                rays[i] = camera.T_world_cam[:3, :3] @ ray / np.linalg.norm(ray)
+                depths[i] = np.where(self._has_ends(known), self._bones @ np.where(known, skeleton[:, 2], 0.0), np.nan)
+                distances[i] = _distance(camera, pixels[known], skeleton[known])
+                rays[i] = _sight(camera, pixels[known])
         centers = np.array([camera.center for camera in self._rig])
         spreads = GUESSED_SIZE_SIGMA * distances
         return GuessedDepths(self._bones, self._shares, depths, self._sigmas, distances, spreads, centers, rays, self._weight)
+
+    def _has_ends(self, known: np.ndarray) -> np.ndarray:
+        """(n_bones,) mask of those all of whose points are known, (n_points,)."""
+        return ~((self._bones != 0.0) & ~known).any(axis=1)
+
+    def lifted(self, i: int, person: Person) -> np.ndarray:
+        """Where a person's points are in space, by one camera and the size of the body.
+
+        Parameters
+        ----------
+        i : of the camera.
+        person : seen in it. Without a guessed skeleton all points are taken to be equally far away.
+
+        Returns
+        -------
+        (n, 3) meters, world, in the order of the person's names; nan where nothing is known.
+        """
+        camera, known = self._rig.cameras[i], np.isfinite(person.pixels).all(axis=1) & (person.scores > 0.0)
+        if person.skeleton is None:
+            rows = rows_of(person.names, self._names)
+            seen = np.where(known[:, None], person.pixels, 0.0)[rows]
+            lengths = np.where(self._has_ends(known[rows]), np.linalg.norm(self._bones @ seen, axis=1), 0.0)
+            px_per_m = max((lengths / self._lengths).max(initial=0.0), 1e-9)  # none looks longer than it is
+            skeleton = np.column_stack([person.pixels / px_per_m, np.zeros(len(person.pixels))])
+        else:
+            skeleton = self._meters * person.skeleton
+            known &= np.isfinite(skeleton).all(axis=1)
+        places = np.full((len(known), 3), np.nan)
+        if known.sum() > 1:
+            pixels, from_middle = person.pixels[known], skeleton[known] - skeleton[known].mean(axis=0)
+            middle = camera.center + _distance(camera, pixels, from_middle) * _sight(camera, pixels)
+            places[known] = middle + from_middle @ camera.T_cam_world[:3, :3]
+        return places
+
+
+def _distance(camera: Camera, pixels: np.ndarray, skeleton: np.ndarray) -> float:
+    """Meters from a camera to points (n, 2), by how large their skeleton (n, 3), meters in the camera's axes, is in the image."""
+    seen, flat = (each - each.mean(axis=0) for each in (pixels, skeleton[:, :2]))
+    px_per_m = max(float((seen * flat).sum()), 1e-9) / max(float((flat * flat).sum()), 1e-9)
+    return float(camera.model.params[0]) / px_per_m
+
+
+def _sight(camera: Camera, pixels: np.ndarray) -> np.ndarray:
+    """(3,) unit vector, world, from a camera to the middle of pixels (n, 2)."""
+    ray = camera.model.rays(pixels.mean(axis=0)[None])[0][0]
+    return camera.T_world_cam[:3, :3] @ ray / np.linalg.norm(ray)
 
 
 class PointOffsets:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations
@@ -88,6 +88,28 @@ def grouped(rig: CameraRig, people: PeopleSeen) -> list[PersonGroup]:
         for i, person in enumerate(best.persons):
             if person is not None:
                 seen[i] = [each for each in seen[i] if each.score != person.score or each.box != person.box]
+
+
+def groups_of_one(
+    n_cameras: int, i: int, persons: Sequence[Person], lifted: Callable[[int, Person], np.ndarray]
+) -> list[PersonGroup]:
+    """Groups of the people of a single camera.
+
+    Parameters
+    ----------
+    n_cameras, i : of the rig, and which of them sees the people.
+    persons : whom it sees.
+    lifted : (n, 3) meters, world, where the points of a person in camera ``i`` are taken to be.
+
+    Returns
+    -------
+    One a person, the surest and largest first.
+    """
+    found = []
+    for person in sorted(persons, key=_rank)[:_MOST_PEOPLE]:
+        by_camera = [person if k == i else None for k in range(n_cameras)]
+        found.append(PersonGroup(tuple(by_camera), lifted(i, person), 0.0, _size(person)))
+    return found
 
 
 def _best_group(rig: CameraRig, seen: Sequence[Sequence[Person]]) -> PersonGroup | None:

@@ -1,6 +1,12 @@
-"""A first state from the points of one image set: people who meet in space, then a fit to their points."""
+"""A first state from the points of one image set: people who meet in space, then a fit to their points.
+
+One camera alone, or one that alone sees a person, tells the place of a body by its size, and how it is turned by what the
+detector guesses: both are known to some five percent.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -15,13 +21,14 @@ from ...optimize.fitter import Fit
 from ..limbs.tree import Limb, limbs_of
 from ..modality import PeopleSeen, Persons
 from .fitting import KeypointFitting
-from .people_groups import PersonGroup, grouped, mirrored
+from .people_groups import PersonGroup, grouped, groups_of_one, mirrored
 
 _LEAST_PLACED = 4  # points by which a body is placed
 _SUITS = 4.0  # times what the points of the best person cost...
 _PERFECT = 0.05  # ...a point, in information units; of less, more says nothing
 _DOUBTFUL = 3.5  # cost of a point, beyond which the next image sets may show the person better...
 _PATIENCE_SETS = 5  # ...of so many of them
+_SURE_ALONE = 0.9  # score of a person whom no other camera confirms, below which the next image sets may do so
 _MOST_GROUPS = 4  # people who are tried
 _LEAST_SEEN = 0.5  # fraction of the cameras of the one whom most see: a passer-by hides the body from some
 _LEAST_APART_M = 0.3  # roots of two people
@@ -65,14 +72,19 @@ class PointStart:
 
         Returns
         -------
-        None where nobody is seen by two cameras, or nobody suits the body; for some image sets where the points of who does
-        disagree.
+        None where nobody is seen, or nobody suits the body; for some image sets where the points of who does disagree,
+        or one camera alone sees anybody and is unsure, or one of several.
         """
-        candidates = self.candidates(people, near)
+        patient, seeing = self._waited < self._patience_sets, [persons for persons in people if persons]
+        alone = len(seeing) == 1
+        if alone and patient and (len(people) > 1 or max(person.score for person in seeing[0]) < _SURE_ALONE):
+            self._waited += 1
+            return None
+        candidates = self._alone(people, near) if alone else self.candidates(people, near)
         if not candidates:
             return None
         state, cost = candidates[0]
-        if cost > _DOUBTFUL and self._waited < self._patience_sets:
+        if cost > _DOUBTFUL and patient:
             self._waited += 1
             return None
         self._waited = 0
@@ -89,10 +101,22 @@ class PointStart:
         -------
         With what each of their points costs; those nearest to the place first.
         """
-        if sum(bool(persons) for persons in people) < 2:
-            return []
+        if len(self._rig) == 1:
+            return self._alone(people, near)
         groups = grouped(self._rig, people)[:_MOST_GROUPS]
         tried = [self._either_way(group) for group in groups if group.count >= _LEAST_SEEN * groups[0].count]
+        return self._suitable(tried, near)
+
+    def _alone(self, people: PeopleSeen, near: np.ndarray | None) -> list[tuple[State, float]]:
+        """The `candidates` by the only camera that sees anybody, if there is one."""
+        seeing = [i for i, persons in enumerate(people) if persons]
+        if len(seeing) != 1:
+            return []
+        groups = groups_of_one(len(people), seeing[0], people[seeing[0]] or (), self._fitting.modality.guesses.lifted)
+        return self._suitable([self._fitted(group) for group in groups[:_MOST_GROUPS]], near)
+
+    def _suitable(self, tried: Iterable[tuple[State, float] | None], near: np.ndarray | None) -> list[tuple[State, float]]:
+        """Those that the body suits, each once; the nearest first."""
         found: list[tuple[State, float]] = []
         for each in tried:  # who is found twice in an image is in two groups: more cameras see the first
             if each is not None and all(_apart_m(each[0], other) > _LEAST_APART_M for other, _ in found):

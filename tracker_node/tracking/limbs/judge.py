@@ -34,7 +34,7 @@ _NOISE = 0.2  # fraction of the outline that is found anywhere
 _BESIDE = 1.0  # log odds by outlines that count at most where there is other evidence
 _CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set, that a limb that is seen has
 _LEAST_LIMBS = 3  # that are seen, to say where the trunk is
-_KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
+KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
 _KNOWN_OF_THING = 0.024  # the same of a body without limbs, of its size...
 _LEAST_OF_THING = 0.68  # ...of whose outline at least so much is found
 _OF_GUESSES = 0.1  # weight of what images say of a limb that they seem to know well, but points and outline do not confirm
@@ -303,8 +303,8 @@ class LimbJudge:
             outline, self.shares[i] = self.odds(i, measures), np.minimum(measures / self._levels[i], _MOST_OF_LEVEL)
         if i > 0 and not math.isnan(others):
             agrees = others + max(outline, -beside) <= _CONFIRMED
-            self._confirmed[i] = agrees and sigma_m <= _KNOWN_M
-            self._guessed[i] = not agrees and sigma_m <= (_KNOWN_M if p < config.limb_lost else LOST_TIP_M)
+            self._confirmed[i] = agrees and sigma_m <= KNOWN_M
+            self._guessed[i] = not agrees and sigma_m <= (KNOWN_M if p < config.limb_lost else LOST_TIP_M)
         others = 0.0 if math.isnan(others) else others
         if measures is None and not others:
             self.probabilities[i] = p
@@ -326,7 +326,7 @@ class LimbJudge:
             status, reason = LimbStatus.DEGRADED, "it may as well be elsewhere"
         elif status is LimbStatus.TRACKING and not self._confirmed[i]:
             status, reason = LimbStatus.DEGRADED, "hidden, or not where a detector guesses it"
-            if sigma_m > _KNOWN_M:
+            if sigma_m > KNOWN_M:
                 reason = f"its end is known to {1e3 * sigma_m:.0f} mm"
         elif status is not LimbStatus.TRACKING:
             reason = "its points are elsewhere"
