@@ -23,9 +23,10 @@ from tracker_node.tracking.keypoints.body_from_points import body_from_points
 from tracker_node.tracking.modality import PeopleSeen, Persons
 from tracker_node.tracking.tracker import Tracker
 
-TOGETHER, POINTS, OWN_BODY, CONTOURS, ONE_CAMERA = "together", "points", "own_body", "contours", "one_camera"
+TOGETHER, POINTS, OWN_BODY, CONTOURS = "together", "points", "own_body", "contours"
+ONE_CAMERA, ONE_ON_FLOOR = "one_camera", "one_camera_on_floor"
 _ALONE = {POINTS: ["keypoints"], CONTOURS: ["region"]}
-MODALITIES = _ALONE | {kind: ["region", "keypoints"] for kind in (TOGETHER, OWN_BODY, ONE_CAMERA)}
+MODALITIES = _ALONE | {kind: ["region", "keypoints"] for kind in (TOGETHER, OWN_BODY, ONE_CAMERA, ONE_ON_FLOOR)}
 
 OWN_BODY_SETS = 5
 BONES = tuple(pair for chain in CHAINS for pair in pairwise(chain))
@@ -39,6 +40,7 @@ def settings(kind: str, changes: Sequence[str]) -> TrackerConfig:
     """Defaults but for the modalities, and ``changes`` of the command line that those have."""
     names = MODALITIES[kind]
     known = [change for change in changes if change.partition(".")[0] not in {"region", "keypoints"} - set(names)]
+    known += ["floor.enabled=true"] if kind == ONE_ON_FLOOR else []
     return configured(known, modalities=names)
 
 
@@ -92,6 +94,10 @@ class _Listening:
 
     def __init__(self, choice):
         self._choice, self.last = choice, ()
+
+    @property
+    def denied_sets(self) -> int:
+        return self._choice.denied_sets
 
     def reset(self) -> None:
         self._choice.reset()

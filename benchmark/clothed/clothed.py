@@ -7,8 +7,8 @@ scaled to ``static.trc``; parameters are the defaults, no background is known, s
 ``clothed_CLIP``: modalities region and keypoints, the body is found in the first image set; ``..._points``: keypoints alone;
 ``..._contours``: region alone, from the true state; ``..._own_body``: both modalities, the body made from the points of the
 first five image sets; ``bone_error_mm``: of the lengths of its eight limb bones. ``clothed_1cam``: as together, each camera
-alone, which finds the body in its own images; over all clips and cameras. ``mpjpe12_mm``, ``offset_free12_mm``: mean
-error of 12 joints, raw, and without one constant offset a joint in the world.
+alone, which finds the body in its own images, over all clips and cameras; ``_floor``: with ``floor.enabled``.
+``mpjpe12_mm``, ``offset_free12_mm``: mean error of 12 joints, raw, and without one constant offset a joint in the world.
 
 ``clothed.wrong_called_tracking``, ``right_called_lost``: fractions of the limb-sets that are wrong (end joint more than 150 mm
 off) or right: together and contours as above, and together with a limb put wrong at the start, with a fifth of the detections
@@ -54,6 +54,7 @@ from benchmark.clothed._recording import JOINTS, ClothedClip, default_folders, l
 from benchmark.clothed._runs import (
     CONTOURS,
     ONE_CAMERA,
+    ONE_ON_FLOOR,
     OWN_BODY,
     POINTS,
     TOGETHER,
@@ -73,7 +74,7 @@ from tracker_node.report.metrics_file import report_metrics
 
 PARTS = ("own_body", "trust", "starts", "contours", "one_camera")
 DEFAULT_SIZE = "full"
-KINDS = (TOGETHER, POINTS, OWN_BODY, CONTOURS, ONE_CAMERA)
+KINDS = (TOGETHER, POINTS, OWN_BODY, CONTOURS, ONE_CAMERA, ONE_ON_FLOOR)
 QUICK_CONTOURS = 2  # clips of which contours alone are tracked in a quick run
 OUTPUT = Path("out/benchmark/clothed")
 
@@ -143,7 +144,8 @@ def measure(clips: list[ClothedClip], files: BlazePoseFiles, args: argparse.Name
         for clip in clips:
             for camera in clip.rig.names[:1] if args.quick else clip.rig.names:
                 one = clip.seen_by(camera)
-                _add(found, one, track(one, ONE_CAMERA, settings(ONE_CAMERA, args.changes), kept[clip.name].with_people))
+                for kind in (ONE_CAMERA, ONE_ON_FLOOR):
+                    _add(found, one, track(one, kind, settings(kind, args.changes), kept[clip.name].with_people))
     if "contours" in args.only:  # a body that is lost is searched for long
         for clip in clips[:QUICK_CONTOURS] if args.quick else clips:
             _add(found, clip, track(clip, CONTOURS, settings(CONTOURS, args.changes), without_people, clip.start()))
@@ -198,8 +200,10 @@ def figures_of(found: Found, size: str) -> dict[str, float | int]:
     }
     if found.bones_mm:
         figures[f"{name}.bone_error_mm"] = float(np.mean(found.bones_mm))
-    figures |= _of_one_camera(found, f"{name}_1cam", results[ONE_CAMERA])
-    limbs = sum((each for (kind, _), each in found.limbs.items() if kind not in (POINTS, ONE_CAMERA)), LimbCounts())
+    for kind, ending in ((ONE_CAMERA, ""), (ONE_ON_FLOOR, "_floor")):
+        figures |= _of_one_camera(found, kind, f"{name}_1cam{ending}", results[kind])
+    apart = POINTS, ONE_CAMERA, ONE_ON_FLOOR
+    limbs = sum((each for (kind, _), each in found.limbs.items() if kind not in apart), LimbCounts())
     figures |= {f"{name}.{key}": value for key, value in limbs.fractions().items()}
     figures |= {f"{name}.wrong_limb_sets": limbs.wrong, f"{name}.right_limb_sets": limbs.right}
     within = within_sigmas(found.runs[TOGETHER])
@@ -233,12 +237,12 @@ def figures_of(found: Found, size: str) -> dict[str, float | int]:
     return figures
 
 
-def _of_one_camera(found: Found, name: str, results: list[Accuracy]) -> dict[str, float | int]:
+def _of_one_camera(found: Found, one_camera: str, name: str, results: list[Accuracy]) -> dict[str, float | int]:
     """Over all clips and cameras; errors within two standard deviations are those with their constant offsets."""
-    runs = found.runs[ONE_CAMERA]
+    runs = found.runs[one_camera]
     if not runs:
         return {}
-    limbs = sum((each for (kind, _), each in found.limbs.items() if kind == ONE_CAMERA), LimbCounts())
+    limbs = sum((each for (kind, _), each in found.limbs.items() if kind == one_camera), LimbCounts())
     fractions, states = limbs.fractions(), [run.has_state for run in runs]
     differences = np.concatenate([(run.found_m - run.truth_m)[rows] for run, rows in zip(runs, states, strict=True)])
     variances = np.concatenate([run.variances_m2[rows] for run, rows in zip(runs, states, strict=True)])

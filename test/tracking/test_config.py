@@ -9,10 +9,10 @@ from tracker_node.errors import FileFormatError
 from tracker_node.runs.config_file import migrated
 from tracker_node.tracking.config import (
     ALONE,
-    BASES,
     JOINT,
     MIXED,
     POINTS_BESIDE,
+    SWITCHED,
     TrackerConfig,
     checked_combination,
     describe,
@@ -34,8 +34,9 @@ def leaves(cls) -> int:
 def with_it(name: str, value: object) -> dict[str, object]:
     """A parameter among modalities that it belongs to."""
     of = DESCRIBED[name]["of"]
-    if of and of[0] in BASES:
-        return {"motion.base": of[0].split()[-1], name: value}
+    if of and of[0] in SWITCHED:
+        switch, _, setting = of[0].partition(": ")
+        return {switch: setting == "True" if switch == "floor.enabled" else setting, name: value}
     return {name: value} | ({"modalities": MODALITIES.get(of[0], [of[0]])} if of else {})
 
 
@@ -52,7 +53,7 @@ def test_a_parameter_is_one_where_a_modality_in_use_has_it(name):
     others = {"region": ["color"], "chamfer": ["region"], "color": ["texture"], "texture": ["color"]}
     of = DESCRIBED[name]["of"]
     if of:
-        without = others | {key: ["color"] for key in BASES}
+        without = others | {key: ["color"] for key in SWITCHED}
         wrong = {name: DESCRIBED[name]["default"], "modalities": without.get(of[0], ["chamfer"])}
         with pytest.raises(FileFormatError, match=f"modalities with .*{of[0]}.*, to which it belongs") as caught:
             from_dict(wrong, "my.yaml")
@@ -66,6 +67,13 @@ def test_parameters_of_another_base_are_refused_and_come_with_it():
     fixed = updated(free, {"motion.base": "fixed", "motion.base_angle_sigma_deg": 4.0}, "x")
     assert fixed.motion.base_angle_sigma_deg == 4.0 and "motion.root_angle_noise" not in flatten(fixed)
     assert updated(fixed, {"motion.base": "free"}, "x") == TrackerConfig()
+
+
+def test_the_place_of_a_floor_is_refused_where_there_is_none():
+    with pytest.raises(FileFormatError, match=r"expected floor.enabled: True, to which it belongs, instead of False"):
+        from_dict({"floor.height_m": 0.5})
+    there = updated(TrackerConfig(), {"floor.enabled": True, "floor.height_m": 0.5}, "x")
+    assert there.floor.height_m == 0.5 and updated(there, {"floor.enabled": False}, "x") == TrackerConfig()
 
 
 @pytest.mark.parametrize("name", RENAMED)

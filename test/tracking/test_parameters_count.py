@@ -54,6 +54,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "joint": {"modalities": ["color", "region"]},
     "keypoints": {"modalities": ["region", "keypoints"]},
     "fixed": {"motion.base": "fixed"},
+    "floor": {"floor.enabled": True},
 }
 """Names of the ways to track, with the parameters that choose them."""
 

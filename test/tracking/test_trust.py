@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helpers.bodies.detected_people import seen_by
 from helpers.studio.small_studio import Recording, recording
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
@@ -82,3 +83,30 @@ def test_an_arm_that_is_put_elsewhere_is_named_and_found_again(clip):
     assert errors[-1].max() < 60.0 and told[-1].status is Status.TRACKING
     for e, flag in zip(told, lost, strict=True):
         assert not (flag and e.status is Status.TRACKING)
+
+
+@pytest.mark.parametrize("n_cameras", [1, 2])
+def test_one_camera_says_that_clothes_leave_the_depth_of_a_person_open(clip, n_cameras):
+    rig = replace(clip.rig, cameras=clip.rig.cameras[:n_cameras])
+    first = replace(clip.sets[0], images=clip.sets[0].images[:n_cameras])
+    estimate = Tracker(rig, clip.model, CONFIG, clip.backgrounds, clip.states[0]).step(first)
+    sight = estimate.state.T_world_root[:3, 3] - rig.cameras[0].center
+    distance = float(np.linalg.norm(sight))
+    along_m = float(np.sqrt(sight @ estimate.covariance[:3, :3] @ sight)) / distance
+    alone = n_cameras == 1
+    assert (along_m > 0.2 * distance) == alone and (along_m < 0.05) == (not alone)
+    assert any("its depth is known to" in limb.reason for limb in estimate.limbs) == alone
+    assert any(limb.status is LimbStatus.TRACKING for limb in estimate.limbs) != alone
+
+
+def test_a_body_where_no_detector_sees_anybody_of_those_that_it_sees_is_lost_after_fifteen_sets():
+    clip, config = recording(16), from_dict({"modalities": ["region", "keypoints"], "initialization.enabled": False})
+    beside = State(clip.states[0].T_world_root.copy(), clip.states[0].joint_positions)
+    beside.T_world_root[:3, 3] += (1.2, -0.8, 0.0)
+    people, tracker, said = seen_by(clip.rig, beside), Tracker(clip.rig, clip.model, config, clip.backgrounds, clip.states[0]), []
+    for image_set in clip.sets:
+        images = zip(image_set.images, people, strict=True)
+        said.append(tracker.step(replace(image_set, images=tuple(replace(image, people=(p,)) for image, p in images))))
+    lost = [estimate.status is Status.LOST for estimate in said]
+    assert lost == sorted(lost) and 10 <= lost.index(True) < 15  # the first set is looked at several times
+    assert said[-1].status_reason == "people are seen, but nobody where the body is"

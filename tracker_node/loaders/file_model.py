@@ -239,7 +239,7 @@ RIG, BODY, STATE, RECORDING, PARAMETERS = "a rig", "a body", "a state", "a recor
 KEYPOINTS, TRIALS = "a table of keypoints", "a list of trials"
 _SECTIONS = {  # of parameters; but keypoints, which a recording has, too
     *("synchronizer", "initialization", "motion", "background", "region", "chamfer", "color", "texture"),
-    *("color_over_background", "joint", "collision", "status", "limb_search", "self_check"),
+    *("color_over_background", "joint", "collision", "floor", "status", "limb_search", "self_check"),
     *("evidence", "optimizer", "start", "together"),  # of version 0.1
 }
 

@@ -24,8 +24,8 @@ GEOMETRIC = (*CONTOURS, KEYPOINTS)  # residuals in pixels over their standard de
 # Tags of parameters that belong to no single modality.
 ALONE, MIXED, JOINT = "colors alone", "colors with contours", "colors with contours in one problem"
 POINTS_BESIDE = "keypoints with region"
-FREE_BASE, FIXED_BASE = BASES = "motion.base: free", "motion.base: fixed"
-_DECIDING = ("modalities", "combination", "motion.base")  # which parameters there are
+FREE_BASE, FIXED_BASE, FLOOR = SWITCHED = "motion.base: free", "motion.base: fixed", "floor.enabled: True"
+_DECIDING = ("modalities", "combination", "motion.base", "floor.enabled")  # which parameters there are
 
 
 @dataclass(frozen=True)
@@ -264,6 +264,18 @@ class CollisionConfig:
 
 
 @dataclass(frozen=True)
+class FloorConfig:
+    """The floor that the body stands on: a level plane of the world, whose z axis points up."""
+
+    enabled: bool = parameter(
+        False, "no part is in the floor, and the lowest is on it, unless that is well above it: tells one camera how far away the"
+        " body is",
+    )  # fmt: skip
+    height_m: float = parameter(0.0, "z of the floor in the world", "m", -1e3, 1e3, of=(FLOOR,))
+    sigma_m: float = parameter(0.03, "how exactly parts are on it, as a standard deviation", "m", 1e-4, 10.0, of=(FLOOR,))
+
+
+@dataclass(frozen=True)
 class StatusConfig:
     """When a limb is LOST, by the outline that the images show of it."""
 
@@ -439,6 +451,7 @@ class TrackerConfig:
     joint: JointConfig = field(default_factory=JointConfig, metadata={"of": (JOINT,)})
     motion: MotionConfig = field(default_factory=MotionConfig)
     collision: CollisionConfig = field(default_factory=CollisionConfig, metadata={"of": GEOMETRIC})
+    floor: FloorConfig = field(default_factory=FloorConfig, metadata={"of": GEOMETRIC})
     status: StatusConfig = field(default_factory=StatusConfig, metadata={"of": (REGION,)})
     limb_search: LimbSearchConfig = field(default_factory=LimbSearchConfig, metadata={"of": (REGION,)})
     initialization: InitializationConfig = field(default_factory=InitializationConfig)
@@ -470,7 +483,8 @@ class TrackerConfig:
         """What parameters may belong to (`describe`) and holds here."""
         mixed = bool(self.contours) and self.colors is not None
         more = {MIXED} if mixed else {ALONE} if self.colors else set()
-        more |= {f"motion.base: {self.motion.base}"} if set(GEOMETRIC) & set(self.modalities) else set()
+        if set(GEOMETRIC) & set(self.modalities):
+            more |= {f"motion.base: {self.motion.base}", f"floor.enabled: {self.floor.enabled}"}
         more |= {POINTS_BESIDE} if {REGION, KEYPOINTS} <= set(self.modalities) else set()
         return frozenset(self.modalities) | more | ({JOINT} if self.is_joint and self.colors == COLOR else set())
 
@@ -566,14 +580,14 @@ def refuse_unused(config: TrackerConfig, name: str, value: Any, source: str) -> 
     of = _everything()[name]["of"]
     if of and not config.tags & set(of):
         wanted, there = f"modalities with {' or '.join(of)}", f"[{', '.join(config.modalities)}]"
-        if set(of) <= set(BASES) and set(BASES) & config.tags:
-            wanted, there = of[0], config.motion.base
+        if set(of) <= set(SWITCHED) and set(GEOMETRIC) & config.tags:
+            wanted, there = of[0], value_of(config, of[0].partition(":")[0])
         expected = f"{wanted}, to which it belongs, instead of {there}"
         raise FileFormatError(source, name, expected, value)
 
 
 def chosen(config: TrackerConfig, values: Mapping[str, Any], source: str) -> TrackerConfig:
-    """A configuration with other modalities, or another base.
+    """A configuration with other modalities, another base, or a floor.
 
     Parameters
     ----------
@@ -583,7 +597,7 @@ def chosen(config: TrackerConfig, values: Mapping[str, Any], source: str) -> Tra
 
     Returns
     -------
-    With the modalities, their combination and the base among ``values``.
+    With the modalities, their combination, the base and the floor among ``values``.
 
     Raises
     ------
@@ -593,12 +607,9 @@ def chosen(config: TrackerConfig, values: Mapping[str, Any], source: str) -> Tra
     made = built(TrackerConfig, nested(given, source), source)
     if MIXED not in made.tags:
         made = replace(made, combination=TrackerConfig().combination)
-    made = replace(config, modalities=made.modalities, combination=made.combination, motion=_on(made.motion.base, config.motion))
+    motion, floor = replace(config.motion, base=made.motion.base), replace(config.floor, enabled=made.floor.enabled)
+    made = replace(config, modalities=made.modalities, combination=made.combination, motion=motion, floor=floor)
     return checked_combination(made, source)
-
-
-def _on(base: str, motion: MotionConfig) -> MotionConfig:
-    return motion if base == motion.base else replace(motion, base=base)
 
 
 def updated(config: TrackerConfig, values: Mapping[str, Any], source: str) -> TrackerConfig:

@@ -9,7 +9,7 @@ import numpy as np
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Neighbor, State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
-from ..objective.constraints.collision import CollisionObjective
+from ..objective.constraints.collision import CollisionObjective, FloorObjective
 from ..objective.constraints.prior import CouplingObjective, Prior
 from ..objective.normal_equations import LeastSquaresObjective
 from .config import MotionConfig, TrackerConfig
@@ -84,7 +84,7 @@ def given_sigmas(given: State, motion: MotionConfig) -> np.ndarray:
 def constraints_of(
     model: ArticulatedModel, config: TrackerConfig, others: Callable[[], Sequence[Neighbor]] | None = None
 ) -> list[LeastSquaresObjective]:
-    """Parts that may not pass through each other or other bodies, and axes that follow others, where the model has such.
+    """Parts that may not pass through each other, other bodies or the floor, and axes that follow others, where there are such.
 
     Parameters
     ----------
@@ -99,6 +99,8 @@ def constraints_of(
     if config.collision.enabled:
         collisions = CollisionObjective(model, config.collision.sigma_m, others or tuple)
         result += [collisions] if len(collisions.pairs) or others is not None else []
+    if config.floor.enabled:
+        result.append(FloorObjective(model, config.floor.height_m, config.floor.sigma_m))
     if model.chain.couplings:
         result.append(CouplingObjective(model.chain))
     return result

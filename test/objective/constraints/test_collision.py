@@ -13,7 +13,7 @@ from tracker_node.model.configuration import Configuration, Neighbor, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid, TruncatedCone
-from tracker_node.objective.constraints.collision import CollisionObjective, round_cone_gap
+from tracker_node.objective.constraints.collision import CollisionObjective, FloorObjective, round_cone_gap
 from tracker_node.objective.constraints.prior import Prior, SumObjective
 from tracker_node.optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 
@@ -201,3 +201,37 @@ def test_others_who_are_far_or_none_cost_nothing():
         found = CollisionObjective(HUMAN, others=lambda others=others: others).linearize(state)
         np.testing.assert_array_equal(found.H, base.H)
         assert found.cost == base.cost
+
+
+def floor_at(height_m: float) -> FloorObjective:
+    return FloorObjective(HUMAN, height_m, 0.03)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_gradient_of_the_floor_is_that_of_its_cost(seed):
+    """Of bodies that are in it, and somewhat above it."""
+    rng = np.random.default_rng(seed)
+    state, floor = random_state(HUMAN, rng), floor_at(0.0)
+    state.T_world_root[2, 3] = rng.uniform(0.2, 1.4)
+    found = floor.linearize(state)
+    assert_jacobian(
+        2.0 * found.g[None] / found.cost,
+        lambda d: np.array([floor.linearize(state.retract(d)).cost]) / found.cost, step=1e-6, tolerance=1e-5,
+    )  # fmt: skip
+
+
+def test_a_body_in_the_air_is_left_there_and_one_beside_the_floor_put_on_it():
+    falling, floor, options = State.neutral(HUMAN), floor_at(0.0), LevenbergMarquardtOptions(50)
+    falling.T_world_root[2, 3] = 0.0  # its legs are in the floor
+    upright = Prior(falling, np.r_[np.full(3, 1e-3), np.full(HUMAN.n_dof - 3, 1e4)])
+    found = minimize(SumObjective([floor], priors=[upright]), falling, HUMAN.chain, options)
+    assert floor.linearize(found.state).cost < 0.05
+    on_it = found.state.T_world_root[2, 3]
+    assert 0.7 < on_it < 1.2
+    for above, pulled in ((0.02, 1.0), (1.0, 0.0)):
+        state = State(found.state.T_world_root.copy(), found.state.joint_positions)
+        state.T_world_root[2, 3] += above
+        held = Prior(state, np.full(HUMAN.n_dof, 50.0))  # to 14 cm
+        result = minimize(SumObjective([floor], priors=[held]), state, HUMAN.chain, options)
+        moved = state.T_world_root[2, 3] - result.state.T_world_root[2, 3]
+        assert moved == pytest.approx(pulled * above, abs=0.01)

@@ -1,4 +1,4 @@
-"""Parts that may not pass through each other, or through other bodies, as a least-squares objective; distances of round cones."""
+"""Parts that may not pass through each other, other bodies or a floor, as least-squares objectives; distances of round cones."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from ...model.shapes.primitives import END, END_RADIUS, N_CAPSULE, START, START_
 from ...render.shape_arrays import MadeOnce
 from ..normal_equations import NormalEquations
 
+_LIFTED_M = 0.1  # from so far above the floor on, a body is as likely in the air: the pull to the floor hardly grows
 _OTHERS_GIVE_WAY = 2.0  # times as deep may a part get into another body, which is not exactly where it is expected
 
 
@@ -88,6 +89,46 @@ class CollisionObjective:
             self._capsules, self._bounds, self._parts, self.model.shape_links, configuration.Ts_world_link,
             self._world_capsules, self._world_bounds,
         )  # fmt: skip
+
+
+class FloorObjective:
+    """Cost of parts that are in the floor, and of a body whose lowest part is above it.
+
+    (depth / sigma)^2 of every end of a round cone (`capsules`) that is below the floor. The height h of the lowest end above it
+    costs (h / sigma)^2 c^2 / (c^2 + h^2) (Geman-McClure): bodies stand somewhere, but may jump.
+
+    Parameters
+    ----------
+    model : the body.
+    height_m : z of the floor in the world, whose z axis points up.
+    sigma_m : how exactly both are known, and soles and floors give way, as a standard deviation.
+    """
+
+    def __init__(self, model: ArticulatedModel, height_m: float, sigma_m: float):
+        if not sigma_m > 0.0:
+            raise ValueError(f"expected a positive sigma_m, got {sigma_m}")
+        self.model, self._height_m, self._sigma_m = model, height_m, sigma_m
+        cones = _cones(model)
+        ends = [cones.capsules[:, start : start + 3] for start in (START, END)]
+        self._centers = np.concatenate(ends)
+        self._radii = np.concatenate([cones.capsules[:, START_RADIUS], cones.capsules[:, END_RADIUS]])
+        self._links = np.tile(cones.links[cones.parts], 2)
+
+    def linearize(self, state: State) -> NormalEquations:
+        """Normal equations at ``state``; ``count`` is the number of ends in the floor or pulled to it."""
+        body = configured(self.model, state)
+        T = body.Ts_world_link[self._links]
+        lowest = np.einsum("nij,nj->ni", T[:, :3, :3], self._centers) + T[:, :3, 3]
+        lowest[:, 2] -= self._radii
+        h = lowest[:, 2] - self._height_m
+        use = h < 0.0
+        if not use.any() and len(h):
+            use[h.argmin()] = True
+        h = h[use]
+        robust = np.where(h > 0.0, _LIFTED_M**2 / (_LIFTED_M**2 + h**2), 1.0)
+        rows = robust[:, None] * body.point_jacobian(lowest[use], self._links[use])[:, 2] / self._sigma_m
+        cost = float((robust * h**2).sum()) / self._sigma_m**2
+        return NormalEquations(rows.T @ rows, rows.T @ (robust * h) / self._sigma_m, cost, len(h))
 
 
 class _Cones:

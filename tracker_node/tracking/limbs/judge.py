@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -211,7 +212,7 @@ class LimbJudge:
 
     def update(
         self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None,
-        helped: bool = False, common: np.ndarray | None = None, own_surfaces: bool = False,
+        helped: bool = False, common: np.ndarray | None = None, own_surfaces: bool = False, depth_m: float = 0.0,
     ) -> tuple[LimbReport, ...]:  # fmt: skip
         """Take in an image set.
 
@@ -224,6 +225,7 @@ class LimbJudge:
         helped : silhouettes of a detector help to find the outlines.
         common : (n_limbs,) mask of those whose colors are all around: little tells them from what is behind; None: of none.
         own_surfaces : the shapes are those that are seen: outlines count beside points as they do alone.
+        depth_m : standard deviation of the depth of the whole body, beside ``covariance``.
 
         Returns
         -------
@@ -243,7 +245,7 @@ class LimbJudge:
         empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
         each = zip(measures, sigmas.tolist(), others.tolist(), told, strict=True)
-        return tuple(self._limb(i, *of_limb, beside) for i, of_limb in enumerate(each))
+        return tuple(_at_depth(self._limb(i, *of_limb, beside), depth_m) for i, of_limb in enumerate(each))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
         """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
@@ -427,6 +429,13 @@ class LimbJudge:
             if guessed:
                 result[limb.dofs] = np.minimum(result[limb.dofs], _OF_GUESSES)
         return result
+
+
+def _at_depth(report: LimbReport, depth_m: float) -> LimbReport:
+    """Of a limb of a body whose depth is known so well."""
+    if report.status is not LimbStatus.TRACKING or depth_m <= KNOWN_M:
+        return report
+    return replace(report, status=LimbStatus.DEGRADED, reason=f"its depth is known to {1e3 * depth_m:.0f} mm")
 
 
 def _beyond(distance: float, sigma: float) -> float:

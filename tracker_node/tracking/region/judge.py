@@ -18,6 +18,7 @@ from ...camera.rig import CameraRig
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
+from ...model.humans.keypoints import is_person
 from ...objective.contour_residual import assemble
 from ...objective.lines import correspondence as kernel
 from ...objective.lines.camera import add_correlated
@@ -39,6 +40,7 @@ _CHANCE = 3.0  # log-likelihood ratio of a contour against none, a sample, that 
 _LEAST_DOUBT_RAD = np.radians(2.0)  # of doubt in each set, of a thing of which little is found
 _ASKED = 0.01  # probability of lost, beyond which it is asked whether a limb's colors are common
 _DISTINCT = 1.35  # log-likelihood ratio that a pixel of a limb has on average, of 2 at most; in bars of its color 0.4 to 1.3
+_CLOTHES_SIZE = 0.2  # by which people in clothes look larger, as a standard deviation
 _FOUND_LESS = 0.5  # times what is usual of the cameras: one that finds less of the outline does not agree
 
 
@@ -57,7 +59,7 @@ class RegionJudge(Judge):
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig, fitting: RegionFitting, limbs: LimbJudge):
         self._rig, self._model, self._fitting, self.limbs = rig, model, fitting, limbs
-        self._inlier_px = config.region.inlier_px
+        self._inlier_px, self._may_be_clothed = config.region.inlier_px, is_person(model)
         self._errors = LineErrors(rig, model, config.region)
         self._known: tuple[LineFit, ImageEvidence, tuple[np.ndarray, np.ndarray]] | None = None
 
@@ -81,8 +83,9 @@ class RegionJudge(Judge):
         images, (covariance, _) = self._of(fit)
         about_one = covariance if images.modes is None else covariance - images.modes @ images.modes.T
         common = np.array([p > _ASKED and self._is_common(limb.shapes) for limb, p in self.limbs.by_probability])
-        own = self._fitting.region.surfaces_are_own
-        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common, own)
+        own, depth = self._fitting.region.surfaces_are_own, self._depth_by_size(fit)
+        depth_m = 0.0 if depth is None else float(np.linalg.norm(depth))
+        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common, own, depth_m)
         status, reason = body_status(reports)
         doubt, doubt_rad = self.limbs.doubt(evidence, fit.state, covariance), 0.0
         if len(reports) == 1 and (doubt or status is not Status.TRACKING):  # a camera without an image is no doubt
@@ -109,6 +112,19 @@ class RegionJudge(Judge):
         """Whether what surrounds the body has the colors of a limb."""
         return self._fitting.region.distinctness(shapes) < _DISTINCT
 
+    def _depth_by_size(self, fit: LineFit) -> np.ndarray | None:
+        """(n_dof, 1) tangent, a standard deviation, of the depth of a person whom one camera alone sees, by outlines alone.
+
+        Such a camera tells depth by size, and clothes, of which outlines know nothing, look like a larger body.
+        """
+        lines = fit.correspondences.at(fit.state)
+        seeing = [i for i in fit.correspondences.active if lines.stats(i)[kernel.COUNT] >= _LEAST_OUTLINE]
+        if not self._may_be_clothed or len(seeing) != 1 or self._fitting.points_at(fit.state):
+            return None
+        tangent = np.zeros((self._model.n_dof, 1))
+        tangent[:3, 0] = _CLOTHES_SIZE * (fit.state.T_world_root[:3, 3] - self._rig.cameras[seeing[0]].center)
+        return tangent
+
     def _by_points(self, fit: LineFit) -> np.ndarray | None:
         """Log odds of each limb being lost, by the points of a detector, where there are any."""
         points = self._fitting.points_at(fit.state)
@@ -128,7 +144,10 @@ class RegionJudge(Judge):
     def _of(self, fit: LineFit) -> tuple[ImageEvidence, tuple[np.ndarray, np.ndarray]]:
         """What the lines say of a fit, and its `fit_covariance`."""
         if self._known is None or self._known[0] is not fit:
-            images = replace(self._errors.evidence(fit.correspondences, fit.state, self._fitting.share), modes=fit.modes)
+            depth, modes = self._depth_by_size(fit), fit.modes
+            if depth is not None:
+                modes = depth if modes is None else np.hstack([modes, depth])
+            images = replace(self._errors.evidence(fit.correspondences, fit.state, self._fitting.share), modes=modes)
             body = configured(self._model, fit.state)
             self._known = fit, images, fit_covariance(fit.equations.H, images, body)
         return self._known[1:]
