@@ -117,6 +117,18 @@ def test_points_of_one_camera_alone_say_little_for_a_limb():
     assert found[ARM] > 0.5 and (np.delete(found, ARM) == -1.5).all()
 
 
+def test_an_end_of_which_one_camera_alone_is_sure_says_little_for_its_limb():
+    """The others guess it behind something: what two of three are sure of is as good as what all are."""
+    def unsure(person: Person) -> Person:
+        hand = np.isin(person.names, ["left_wrist", "left_index", "left_pinky", "left_thumb"])
+        return replace(person, scores=np.where(hand, 0.5, person.scores))
+
+    first, second, third = seen_by(RIG, TRUE)
+    by_one, by_two = odds([first, unsure(second), unsure(third)]), odds([first, second, unsure(third)])
+    assert by_one[ARM] == -1.5 and by_two[ARM] < -2.0
+    assert np.delete(by_one, ARM) == pytest.approx(np.delete(by_two, ARM))
+
+
 def test_a_limb_without_points_has_no_evidence():
     own = tuple(f"left_{name}" for name in ("shoulder", "elbow", "wrist"))
     found = odds([without(person, own) for person in seen_by(RIG, TRUE)])

@@ -15,6 +15,7 @@ _ELSEWHERE_PX2 = 55.0**2  # mean square of how far a point of a lost limb is off
 _BODY_PX = 200.0
 _CORRELATION = 1.5  # how many cameras share one error
 _LEAST_SCORE, _LEAST_OF_ONE = 1.0, 0.5  # of a point that says anything: over all cameras, or of a camera alone
+_SURE = 0.6  # score of a point in a camera that sees it, and does not guess where it is behind something
 _LIMIT = 6.0  # log odds of one point
 _OF_ONE_CAMERA = -1.5  # the least that points of one camera say: not lost in its image, but too little to confirm a depth
 
@@ -23,7 +24,8 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
     """Log odds of each limb being lost, by its worst point that is seen by two cameras.
 
     A point of a limb that is elsewhere is somewhere around; one that is in place has the residual that its covariance says, or is
-    an outlier in either case. Points of one camera alone say little for a limb: its depth may be mirrored.
+    an outlier in either case. Where one camera alone is sure of the end of a limb that says little for it: its depth may be
+    mirrored.
 
     Parameters
     ----------
@@ -48,10 +50,14 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
     by_point = np.clip((scores * ratio).sum(axis=1) / _CORRELATION, -_LIMIT, _LIMIT)
     guessed = scores.sum(axis=1) < np.where(seen.sum(axis=1) == 1, _LEAST_OF_ONE, _LEAST_SCORE)
     by_point[guessed] = 0.0  # guessed everywhere: that guesses agree with each other says nothing
+    by_two = (scores >= _SURE).sum(axis=1) >= 2  # cameras: what the others guess says little of the depth
     result = np.full(len(limbs), np.nan)
     for i, limb in enumerate(limbs):
         own = limb.links[points.body.links] & seen.any(axis=1)
         if own.any():
             several = own & (seen.sum(axis=1) >= 2)
-            result[i] = by_point[several].max() if several.any() else max(by_point[own].max(), _OF_ONE_CAMERA)
+            result[i] = by_point[several if several.any() else own].max()
+            at_end = own & (points.body.links == limb.end)
+            if not (by_two & (at_end if at_end.any() else own)).any():
+                result[i] = max(result[i], _OF_ONE_CAMERA)
     return result
