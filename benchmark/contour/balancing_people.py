@@ -4,9 +4,8 @@
 The body is made from the network's points in five image sets spread over the clip, the tracker finds it in the first set.
 ``balancing_people``: four cameras; errors against joints triangulated from 2D detections, good to 3 to 5 cm, with their constant
 lag taken out; overlap of the body in its clothes with masks. ``balancing_people_2cams``: cameras 1 and 3.
-``balancing_people_1cam``: each camera alone, from where four cameras have the body in the first set; over all of them, limbs
-whose end joint is more than 150 mm off are wrong, and ``within_2_sigma`` is the fraction of the joints' errors within two
-standard deviations, axis by axis.
+``balancing_people_1cam``: each camera alone, which finds the body by itself; over all of them, limbs whose end joint is more than
+150 mm off are wrong, and ``within_2_sigma`` is the fraction of the joints' errors within two standard deviations, axis by axis.
 
 What the network finds is kept in the output folder.
 """
@@ -35,7 +34,6 @@ from tracker_node.evaluation.evaluate import Evaluation
 from tracker_node.evaluation.metrics import LOST_LIMB_M
 from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.model.clothes import with_surfaces
-from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
@@ -76,7 +74,7 @@ def with_own_body(clip: Clip, people: KeptPeople) -> Clip:
 
 def measure(clip: Clip, config: TrackerConfig, people: KeptPeople) -> dict[str, float | int]:
     """All runs; a line is printed for each."""
-    run, first = tracked(clip, config, people, None)
+    run, first = tracked(clip, config, people)
     result = _judged(clip, run, "balancing_people", None)
     figures = {f"balancing_people.{key}": result.metrics()[f"balancing_people.{key}"] for key in (*SHORT, "lag_images")}
     surfaces = run.estimates[-1].surfaces
@@ -86,21 +84,22 @@ def measure(clip: Clip, config: TrackerConfig, people: KeptPeople) -> dict[str, 
     figures |= {"balancing_people.first_state_set": first, "balancing_people.iou_min": min(ious.values())}
     figures |= {f"balancing_people.iou_{camera}": value for camera, value in ious.items()}
     two = clip.with_cameras(TWO_CAMERAS)
-    run_of_two, first = tracked(two, config, people, None)
+    run_of_two, first = tracked(two, config, people)
     result = _judged(two, run_of_two, "balancing_people_2cams", LAG_IMAGES)
     figures |= {f"balancing_people_2cams.{key}": result.metrics()[f"balancing_people_2cams.{key}"] for key in SHORT}
     figures["balancing_people_2cams.first_state_set"] = first
     alone = Alone()
     for camera in clip.rig.names:
         one = clip.with_cameras((camera,))
-        run_of_one, _ = tracked(one, config, people, run.states[0])
+        run_of_one, first = tracked(one, config, people)
+        alone.first = max(alone.first, first)
         alone.add(one, run_of_one, _judged(one, run_of_one, f"balancing_people_1cam, {camera}", LAG_IMAGES))
     return figures | alone.figures()
 
 
-def tracked(clip: Clip, config: TrackerConfig, people: KeptPeople, start: State | None) -> tuple[Run, int]:
+def tracked(clip: Clip, config: TrackerConfig, people: KeptPeople) -> tuple[Run, int]:
     """Estimates that have a state, and how many image sets came before them."""
-    tracker, estimates = Tracker(clip.rig, clip.model, config, {}, start), []
+    tracker, estimates = Tracker(clip.rig, clip.model, config, {}), []
     for image_set in clip.sets:
         estimates.append(tracker.step(people.with_people(tracker, image_set)[0]))
     known = [estimate for estimate in estimates if estimate.status.has_state]
@@ -121,8 +120,9 @@ def _judged(clip: Clip, run: Run, name: str, lag_images: float | None) -> Evalua
 
 @dataclass(eq=False)
 class Alone:
-    """Limb-sets and joints of cameras alone, counted."""
+    """Limb-sets and joints of cameras alone, counted; ``first``: the latest image set in which one has found the body."""
 
+    first: int = 0
     wrong: int = 0
     wrong_tracking: int = 0
     within: int = 0
@@ -152,6 +152,7 @@ class Alone:
         return {
             "balancing_people_1cam.wrong_called_tracking": self.wrong_tracking / max(self.wrong, 1),
             "balancing_people_1cam.wrong_limb_sets": self.wrong,
+            "balancing_people_1cam.first_state_set": self.first,
             "balancing_people_1cam.within_2_sigma": self.within / max(self.axes, 1),
         }
 
