@@ -20,6 +20,9 @@ _OUTLIER = 0.15  # fraction of points that are anywhere
 _LEAST = 2.0  # log-likelihood ratio, a point that is sure, of the body against anybody
 _SWAP_PRIOR = -2.0  # log odds of a swap before anything has been seen, a person
 _SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from set to set
+# In a camera that is alone: log-likelihood ratio at most of points that jump from side to side, and log odds in each image of the
+# detector being right, which swaps of up to sixty images outweigh
+_SURE_JUMP, _RIGHT = 30.0, 0.5
 _ALONE_SETS = 5  # after which nothing is left of what several cameras said of swaps
 # Left and right of single joints: standard deviation of points of the body around where they are expected; from how many of them
 # costs grow linearly; log-likelihood ratio from which a joint is exchanged, as one in fifty images has it
@@ -46,12 +49,16 @@ class PersonChoice(Choice):
     def reset(self) -> None:
         """Nothing is known of swaps, and nobody has been looked for."""
         self.denied_sets = self._alone_sets = 0
-        self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
+        self._forget_sides()
         self._start.reset()
+
+    def _forget_sides(self) -> None:
+        self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
+        self._before: list[np.ndarray | None] = [None] * len(self._rig)  # pixels of the body's points in the image before
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """Where the body begins."""
-        self._swaps[:] = _SWAP_PRIOR
+        self._forget_sides()
         found = self._start.find(people, near)
         if found is not None:
             self.denied_sets = 0
@@ -126,19 +133,36 @@ class PersonChoice(Choice):
         return sigma_m * float(camera.model.K[0, 0]) / max(depth, 0.1)
 
     def _chosen(self, i: int, persons: tuple[Person, ...], places: np.ndarray) -> Person | None:
-        """Who is the body in a camera; one alone is taken by its word: only others tell a swap from a body that turns about."""
+        """Who is the body in a camera."""
         camera, best, most = self._rig.cameras[i], None, -np.inf
-        alone = len(self._rig) == 1 or self._alone_sets > _ALONE_SETS
         pixels, seen = camera.project(places)
         sigma_px = self._sigma_px(i, places, _EXPECTED_M)
+        alone = len(self._rig) == 1 or self._alone_sets > _ALONE_SETS
         swap = self._swaps[i] * _SWAP_KEPT + _SWAP_PRIOR * (1.0 - _SWAP_KEPT)
         for person in persons:
             as_found, exchanged, sure = self._either_way(person, pixels, seen, sigma_px)
-            odds = -np.inf if alone else swap + exchanged - as_found
             if max(as_found, exchanged) > max(most, _LEAST * sure):
-                most, best = max(as_found, exchanged), mirrored(person) if odds > 0.0 else person
-                self._swaps[i] = float(np.clip(odds, -10.0, 10.0))
-        return best
+                most, best = max(as_found, exchanged), person
+                odds = float(np.clip(swap + exchanged - as_found, -10.0, 10.0))
+        if best is None:
+            self._before[i] = None
+            return None
+        if alone:
+            odds = self._by_image_before(i, best, 0.5 * sigma_px)
+        self._swaps[i], self._before[i] = odds, best.pixels[rows_of(best.names, self._modality.names)]
+        return mirrored(best) if odds > 0.0 else best
+
+    def _by_image_before(self, i: int, person: Person, sigma_px: float) -> float:
+        """Log odds of a swap, the best sequences compared, in a camera that is alone: points that jump from side to side tell it.
+
+        Where the body is expected says nothing: it turns about with a swap that nobody else contradicts.
+        """
+        before = self._before[i]
+        if before is None:
+            return _SWAP_PRIOR
+        as_found, exchanged, _ = self._either_way(person, before, np.isfinite(before).all(axis=1), sigma_px)
+        jump, odds = float(np.clip(exchanged - as_found, -_SURE_JUMP, _SURE_JUMP)), self._swaps[i]
+        return max(odds, jump) - max(0.0, odds + jump) - _RIGHT
 
     def _either_way(
         self, person: Person, pixels: np.ndarray, seen: np.ndarray, sigma_px: float
