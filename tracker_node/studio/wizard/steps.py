@@ -164,7 +164,8 @@ class Steps:
                 found = self._cameras(RIG)
             except TrackerError as error:
                 return Step("rig", title, TODO, str(error), self._rig_ways(), files=self._there("rig.html"))
-            return Step("rig", title, DONE, f"{RIG}: {len(found)} cameras", self._rig_ways(), found, self._there("rig.html"))
+            said = "; ".join([f"{RIG}: {len(found)} cameras", *(f"{name} is of none of them" for name in self._unused())])
+            return Step("rig", title, DONE, said, self._rig_ways(), found, self._there("rig.html"))
         if not here.recordings:
             said = "no videos in this folder, and no folders of images: put those of every camera here"
             return Step("rig", title, WAITING, said)
@@ -265,12 +266,13 @@ class Steps:
             ways.append(Way("points", "points of known place", lambda v: self._world_points(before, v), (points,)))
         axis = Field("up", "the axis that points up", options=_AXES)
         ways.append(Way("up", "an axis of the rig's world is up", lambda v: self._world_of(before, [f"--up={v['up']}"]), (axis,)))
-        if self._is_new(WORLD, before):
-            return Step("world", title, DONE, f"{WORLD}: origin, axes and scale", tuple(ways), self._centers(WORLD))
         try:
+            if self._is_new(WORLD, before):
+                return Step("world", title, DONE, f"{WORLD}: origin, axes and scale", tuple(ways), self._centers(WORLD))
             up = up_of_cameras(load_rig(self.folder / before))
         except TrackerError as error:
-            return Step("world", title, WAITING, str(error))
+            damaged = self._is_new(WORLD, before)  # which can be made again from a rig that is not
+            return Step("world", title, TODO if damaged else WAITING, str(error), tuple(ways))
         stands = up is not None and bool(up @ UP > 0.5)
         said = "z is up for the cameras; needed where origin and axes matter" if stands else "z is not up for the cameras"
         more = "; images of a board in world/CAMERA.png, or points in a CSV file, are found"
@@ -309,10 +311,10 @@ class Steps:
         return [["calibrate", "body", *arguments, "-o", PERSON, *self._anew(PERSON)]]
 
     def _person(self) -> tuple[str, ...]:
-        if not self._has(PERSON):
-            return ()
-        first = (self.folder / PERSON).read_text(errors="replace").split("\n", 1)[0]
-        return (first.removeprefix("# "),)
+        return (self._first_line(PERSON),) if self._has(PERSON) else ()
+
+    def _first_line(self, name: str) -> str:
+        return (self.folder / name).read_text(errors="replace").split("\n", 1)[0].removeprefix("# ")[:200]
 
     def _start(self) -> Step:
         title, rig = "Start", self.current_rig()
@@ -323,7 +325,8 @@ class Steps:
         ways = [Way("points", "search the person in the images", lambda v: [self._describe(rig, v)], (compare,))]
         if poses:
             pose = Field("pose", "pose", options=poses, value=_only(poses))
-            ways.append(Way("pose", "a pose set by hand", lambda v: [self._describe(rig, v, v["pose"])], (pose, compare)))
+            label = "a pose of the first images, set by hand"
+            ways.append(Way("pose", label, lambda v: [self._describe(rig, v, v["pose"])], (pose, compare)))
         if markers:
             file = Field("trc", "markers", options=markers, value=_only(markers))
             row = Field("row", "row, from 0", NUMBER, value="0")
@@ -332,7 +335,7 @@ class Steps:
         state = self._state(RECORDING, rig, PERSON)
         said = f"{RECORDING}: what is tracked, and how it begins" if state == DONE else self._older(RECORDING, rig, PERSON)
         said = said or "points in the images, markers, or a pose that you drag"
-        return Step("start", title, state, said, tuple(ways), links=links)
+        return Step("start", title, state, said, tuple(ways), tuple(f"{p}: {self._first_line(p)}" for p in poses), links=links)
 
     def _describe(self, rig: str, values: Values, pose: str | None = None) -> list[str]:
         start = [] if pose is None else ["--initial-state", pose]
@@ -387,6 +390,13 @@ class Steps:
             size = f"{source.native_width}x{source.native_height}, {source.rate_hz:.5g} Hz"
             found.append(f"{camera.name}: {Path(str(camera.source)).name}, {size}, {source.n_images} images{behind}")
         return tuple(found)
+
+    def _unused(self) -> list[str]:
+        """Recordings beside those of the rig that none of its cameras has: one that a calibration has left out."""
+        used = {Path(str(camera.source)).resolve() for camera in load_rig(self.folder / RIG)}
+        folders = self._contents.recordings.values()
+        marked = ({name: (self.folder / name).resolve() in used for name in names} for names in folders)
+        return [name for folder in marked if any(folder.values()) for name, is_used in folder.items() if not is_used]
 
     def _centers(self, name: str) -> tuple[str, ...]:
         centers = {camera.name: camera.center for camera in load_rig(self.folder / name)}
@@ -453,15 +463,15 @@ def _is_number(text: str) -> bool:
 def _checked(asked: Field, value: str) -> str:
     """A value that the field allows; text is never an option of a command."""
     value = value.strip()
+    if not value and asked.needed:
+        none = f"choose one of {', '.join(asked.options)}" if asked.options else "none in this folder"
+        raise TrackerError(f"{asked.label}: {none if asked.kind == CHOICE else 'still to be filled in'}")
     if not value:
-        if asked.needed:
-            expected = f"one of {', '.join(asked.options)}" if asked.options else f"{asked.label}"
-            raise FileFormatError("request", asked.name, expected, "nothing")
         return value
     if asked.kind == CHOICE and value not in asked.options:
         raise UnknownNameError(asked.label, value, asked.options)
     if asked.kind == NUMBER and not _is_number(value):
-        raise FileFormatError("request", asked.name, "a number", value)
+        raise TrackerError(f"{asked.label}: expected a number, got {value[:100]!r}")
     if asked.kind == TEXT and ((value.startswith("-") and asked.name != "at") or len(value) > 500):
         raise FileFormatError("request", asked.name, asked.label, value[:100])
     return value
