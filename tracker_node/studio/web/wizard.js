@@ -65,7 +65,8 @@ function form(step) {
   const choice = chosen[step.name] ??= { way: step.ways[0].name, values: {} };
   if (!step.ways.some((way) => way.name === choice.way)) choice.way = step.ways[0].name;
   const way = step.ways.find((each) => each.name === choice.way);
-  const lines = make("pre", {}), button = make("button", { class: "primary", type: "button" }, step.state === "done" ? `${step.title}: again` : step.title);
+  const lines = make("pre", {}), label = step.state === "done" ? `${step.title}: again` : step.title;
+  const button = make("button", { class: "primary", type: "button", disabled: true }, label); // until its commands are shown
   const values = () => Object.fromEntries(way.fields.map((field) => [field.name, valueOf(field, choice)]));
   const asked = () => ({ step: step.name, way: way.name, values: values() });
   let plans = 0;
