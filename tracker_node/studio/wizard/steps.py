@@ -10,6 +10,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,10 @@ from ...calibration.world_frame import UP, up_of_cameras
 from ...errors import FileFormatError, TrackerError, UnknownNameError
 from ...loaders.images.source import open_camera_source
 from ...loaders.rig.rig_yaml import load_rig
-from .folder import Contents, contents_of
+from .folder import Contents, contents_of, is_run
 
 RIG, TIMED, WORLD, PERSON, START = "rig.yaml", "rig_timed.yaml", "rig_world.yaml", "person.yaml", "start.yaml"
-RECORDING, RUN, REPORT = "recording.yaml", "run/run.json", "run/report.html"
+RECORDING, RUN = "recording.yaml", "run"
 DONE, TODO, OPTIONAL, WAITING = "done", "to do", "if needed", "not yet"
 CHOICE, TEXT, NUMBER = "choice", "text", "number"
 _BOARDS = ("charuco", "chessboard")
@@ -135,6 +136,11 @@ class Steps:
             if found is not None and self._is_new(later, found):
                 found = later
         return found
+
+    def current_run(self) -> str:
+        """The folder of the run that was made last, or of the first."""
+        found = [path for path in self.folder.glob("run*/run.json") if is_run(path.parent)]
+        return max(found, key=lambda path: path.stat().st_mtime_ns).parent.name if found else RUN
 
     def _has(self, name: str) -> bool:
         return (self.folder / name).is_file()
@@ -354,29 +360,36 @@ class Steps:
             return Step("run", title, WAITING, f"needs {RECORDING}, which the start writes")
         sets = Field("max_sets", "image sets at most (empty: all)", NUMBER, needed=False)
         shrink = Field("shrink", "images smaller by", options=("1", "2", "4"), value="1")
-        way = Way("track", "track the videos", lambda v: [_track(v)], (sets, shrink))
-        state = self._state(RUN, RECORDING)
-        plain = "run/" if state == DONE else "tracks all images; may be canceled, and keeps what it has"
-        said = self._older(RUN, RECORDING) or plain
+        way = Way("track", "track the videos", lambda v: [self._track(v)], (sets, shrink))
+        run = self.current_run()
+        state = self._state(f"{run}/run.json", RECORDING)
+        plain = f"{run}/" if state == DONE else "tracks all images; may be canceled, and keeps what it has"
+        said = self._older(f"{run}/run.json", RECORDING) or plain
         return Step("run", title, state, said, (way,), self._counts())
+
+    def _track(self, values: Values) -> list[str]:
+        sets = ["--max-sets", values["max_sets"]] if values["max_sets"] else []
+        run = next(name for n in count(1) if not (self.folder / (name := RUN if n == 1 else f"{RUN}_{n}") / "bag").exists())
+        return ["track", RECORDING, *sets, *_unless(values, "shrink", "1"), *([] if run == RUN else ["--output", run])]
 
     def _counts(self) -> tuple[str, ...]:
         try:
-            summary = json.loads((self.folder / RUN).read_text())
+            summary = json.loads((self.folder / self.current_run() / "run.json").read_text())
             counts = {str(name): int(n) for name, n in summary["status_counts"].items() if n}
             return (f"{int(summary['image_sets'])} image sets: " + ", ".join(f"{n} {name}" for name, n in counts.items()),)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return ()
 
     def _look(self) -> Step:
-        title = "Look"
-        if not self._has(RUN):
+        title, run = "Look", self.current_run()
+        report = f"{run}/report.html"
+        if not self._has(f"{run}/run.json"):
             return Step("look", title, WAITING, "needs a run")
         truth = Field("truth", "compare with", options=("nothing", *self._contents.markers), value="nothing")
-        way = Way("evaluate", "report", lambda v: [_evaluate(v)], (truth,))
-        state = self._state(REPORT, RUN)
-        said = self._older(REPORT, RUN) or (REPORT if state == DONE else "the report, and the run over its images")
-        return Step("look", title, state, said, (way,), (), self._there(REPORT), {"Play it back": "/playback.html"})
+        way = Way("evaluate", "report", lambda v: [_evaluate(run, v)], (truth,))
+        state = self._state(report, f"{run}/run.json")
+        said = self._older(report, f"{run}/run.json") or (report if state == DONE else "the report, and the run over its images")
+        return Step("look", title, state, said, (way,), (), self._there(report), {"Play it back": "/playback.html"})
 
     def _there(self, *names: str) -> tuple[str, ...]:
         return tuple(name for name in names if self._has(name))
@@ -437,13 +450,8 @@ def _unless(values: Values, name: str, usual: str) -> list[str]:
     return [] if values[name] == usual else [f"--{name.replace('_', '-')}", values[name]]
 
 
-def _track(values: Values) -> list[str]:
-    sets = ["--max-sets", values["max_sets"]] if values["max_sets"] else []
-    return ["track", RECORDING, *sets, *_unless(values, "shrink", "1")]
-
-
-def _evaluate(values: Values) -> list[str]:
-    return ["evaluate", "run", *([] if values["truth"] == "nothing" else ["--truth", values["truth"]])]
+def _evaluate(run: str, values: Values) -> list[str]:
+    return ["evaluate", run, *([] if values["truth"] == "nothing" else ["--truth", values["truth"]])]
 
 
 def _three(text: str, name: str) -> list[str]:
