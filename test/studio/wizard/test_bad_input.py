@@ -119,6 +119,23 @@ def test_a_camera_that_a_calibration_leaves_out_is_named(folder):
     assert Steps(folder).all()[0].said == "rig.yaml: 3 cameras; videos/cam04.mp4 is of none of them"
 
 
+def test_runs_are_numbered_and_the_newest_is_looked_at(folder):
+    """One that was canceled before it had anything keeps its number, and is no run."""
+    (folder / "recording.yaml").write_text("rig: rig.yaml\n")
+    again = {"max_sets": "", "shrink": "1"}
+    for name, newest in (("run", "run"), ("run_2", "run"), ("run_3", "run_3")):
+        output = [] if name == "run" else ["--output", name]
+        assert Steps(folder).commands("run", "track", again) == [["track", "recording.yaml", *output]]
+        (folder / name / "bag").mkdir(parents=True)
+        (folder / name / "cam01").mkdir()
+        shutil.copyfile(folder / "videos/cam01.mp4", folder / name / "cam01/seen.mp4")
+        if name != "run_2":
+            (folder / name / "run.json").write_text("{}")
+        assert Steps(folder).current_run() == newest
+    assert Steps(folder).commands("look", "evaluate", {}) == [["evaluate", "run_3"]]
+    assert set(contents_of(folder).recordings) == {"videos"}
+
+
 def test_notes_stand_apart_and_what_was_written_is_no_error(tmp_path, monkeypatch):
     """A program that ends with 1, having left out a camera: its sentence is the error, not its last line."""
     (tmp_path / "rig.py").write_text(

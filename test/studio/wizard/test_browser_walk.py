@@ -178,6 +178,7 @@ def test_a_start_from_a_saved_pose_then_run_and_look(recorded, tmp_path, monkeyp
         shown = hands.do("start", way="pose", compare="contours")
         assert hands.do("run", max_sets="2") == ["tracker_node track recording.yaml --max-sets 2"]
         assert "2 image sets: " in hands.said("run")
+        assert "tracker_node track recording.yaml --max-sets 2 --output run_2" in hands.said("run")  # a bag is never written over
         look = hands.do("look")
         assert page.get_attribute("#step-look a:has-text('Open')", "href") == "/api/wizard/file/run/report.html"
         page.click("text=Play it back")
