@@ -467,7 +467,7 @@ def _track(
         worst = loop.step(image_set)
         followers.take(together, loop.tracked_set or image_set)
         if progress is not None:
-            progress(n, stream.n_expected, worst)
+            progress(n, min((sets for sets in (stream.n_expected, run.max_sets) if sets), default=None), worst)
         if run.max_sets is not None and n >= run.max_sets:
             return
 

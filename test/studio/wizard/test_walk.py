@@ -45,6 +45,7 @@ def test_seven_steps_are_the_commands_of_the_program(recorded, tmp_path, monkeyp
             job = client.do(name, way, **values)
             assert not job["error"] or (name == "run" and "is LOST in all 4" in job["error"]), job
             assert client.step(name)["state"] == "done"
+            assert name != "run" or any("4/4 image sets" in line for line in job["lines"])
         session = client.json("/api/session")
         assert session["files"]["rig"].endswith("rig_world.yaml") and session["model"]["name"] and len(session["cameras"]) == 3
         assert len(client.json("/api/playback/run")["status"]) == 4  # the other pages show what the steps have written

@@ -102,14 +102,16 @@ export class ImageView {
 
   /** Show another image; resolves when it is there. The newest wins. */
   async setImage(url) {
-    if (url === this.url) return;
+    if (url && url === this.url) return;
     this.url = url;
-    if (!url) { this.image = null; this.redraw(); return; }
+    if (!url) { this.image = null; this._tell(false); this.redraw(); return; }
     const image = new Image();
     image.src = url;
-    try { await image.decode(); } catch { if (this.url === url) this.setNote("no image"); return; }
-    if (this.url === url) { this.image = image; this.setNote(""); this.redraw(); }
+    try { await image.decode(); } catch { if (this.url === url) this._tell(false); return; }
+    if (this.url === url) { this.image = image; this._tell(true); this.redraw(); }
   }
+
+  _tell(hasImage) { this.label.textContent = hasImage ? this.name : `${this.name}: no image`; }
 
   setNote(text) { this.note.textContent = text; this.note.hidden = !text; }
 

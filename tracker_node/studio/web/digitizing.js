@@ -156,7 +156,6 @@ async function showSet(index) {
   for (const view of views) {
     const url = imageOf(view, numbers);
     view.setImage(url).then(() => { if (under?.[0] === view) drawLoupe(byId("loupe"), state, ...under); });
-    view.setNote(url ? "" : "no image");
   }
   await refresh();
   const next = state.sets[state.set + 1];

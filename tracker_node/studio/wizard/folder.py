@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from ...loaders.rig.formats import RIG, detect
 from ...loaders.whole_file import read_text
 
 WORLD_FOLDERS = ("world", "floor")
-_NO_RECORDINGS = {"run", "backgrounds", "background", "empty", "stills", "poses", *WORLD_FOLDERS}
+_NO_RECORDINGS = {"backgrounds", "background", "empty", "stills", "poses", *WORLD_FOLDERS}
 _CALIBRATIONS = (".toml", ".yaml", ".yml", ".xml", ".txt", ".csv", ".pickle")
 _CONTROL_POINTS = {"camera", "point", "x", "y", "z", "u", "v"}
 
@@ -54,7 +55,7 @@ def contents_of(folder: Path) -> Contents:
     recordings = {}
     for place in places:
         inside = (path for path in recordings_in(place) if _inside(path, folder))
-        found = tuple(_name(path, folder) for path in inside if path.name not in _NO_RECORDINGS)
+        found = tuple(_name(path, folder) for path in inside if path.name not in _NO_RECORDINGS and not is_run(path))
         if found and place.name not in _NO_RECORDINGS:
             recordings[_name(place, folder)] = found
     kinds = {_name(path, folder): kind for path in _files(folder, places[: 1 + len(_folders(folder))]) if (kind := _kind(path))}
@@ -76,8 +77,14 @@ def contents_of(folder: Path) -> Contents:
     )
 
 
+def is_run(path: Path) -> bool:
+    """Whether this is the name of a folder of results: ``run``, ``run_2`` and so on, since none is written over."""
+    return re.fullmatch(r"run(_\d+)?", path.name) is not None
+
+
 def _folders(folder: Path) -> list[Path]:
-    return [path for path in subfolders(folder) if not path.is_symlink() and path.name != "run" and not path.name.startswith("-")]
+    inside = (path for path in subfolders(folder) if not path.is_symlink() and not is_run(path))
+    return [path for path in inside if not path.name.startswith("-")]
 
 
 def _inside(path: Path, folder: Path) -> bool:

@@ -19,6 +19,8 @@ COMMAND = ("-P", "-m", "tracker_node.cli.main")  # -P: what is installed, not a 
 _MOST_LINES = 300
 _PATIENCE_S = 15.0  # with a command that is to end
 _OPTIONAL = ["calibrate", "background"]  # without which a step is done: the tracker learns backgrounds by itself
+_NOTE = re.compile(r"^(?:tracker_node [\w -]+: )?(.*: )?note: (.*)")
+_SAID = re.compile(r"^tracker_node [\w -]+: (error: )?(.*)")  # what commands say beside their results
 _PROGRESS = (re.compile(r": +(\d+)/(\d+) "), re.compile(r", (\d+) of (\d+), "))
 
 
@@ -36,7 +38,8 @@ class Jobs:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._process: subprocess.Popen[str] | None = None
-        self._step, self._command, self._error, self._note, self._canceled = "", "", "", "", False
+        self._step, self._command, self._error, self._canceled = "", "", "", False
+        self._notes: list[str] = []
         self._lines: deque[str] = deque(maxlen=_MOST_LINES)
 
     @property
@@ -59,8 +62,9 @@ class Jobs:
         with self._lock:
             if self.running:
                 raise TrackerError(f"'{self._step}' is running: wait for it, or cancel it")
-            self._step, self._command, self._error, self._note, self._canceled = step, shown[0], "", "", False
+            self._step, self._command, self._error, self._canceled = step, shown[0], "", False
             self._lines.clear()
+            self._notes = []
             self._thread = threading.Thread(target=self._run, args=(commands, shown), daemon=True)
             self._thread.start()
 
@@ -85,10 +89,10 @@ class Jobs:
             "step": self._step,
             "running": self.running,
             "command": self._command,
-            "lines": lines[-12:],
+            "lines": lines,
             "progress": progress if self.running else None,
             "error": self._error,
-            "note": self._note,
+            "notes": list(self._notes),
             "canceled": self._canceled and not self.running,
         }
 
@@ -117,17 +121,21 @@ class Jobs:
                 start_new_session=True,
             )
         assert self._process.stdout is not None
-        last = ""
+        said, last = [], ""
         with self._process.stdout as lines:
-            for line in lines:
-                last = line.rstrip() or last
-                self._lines.append(line.rstrip())
+            for line in map(str.rstrip, lines):
+                self._lines.append(line)
+                last = line or last
+                if note := _NOTE.match(line):
+                    self._notes.append((note[1] or "") + note[2])
+                elif found := _SAID.match(line):
+                    said.append(found)
         status = self._process.wait()
         if status and not self._canceled:
-            told = next((line for line in reversed(self._lines) if ": error: " in line), last)
-            why = told.partition(": error: ")[2] or told or f"ended with status {status}"
+            why = "; ".join([each[2] for each in said if each[1]] or [each[2] for each in said]) or last
+            why = why or f"ended with status {status}"
             if list(command[:2]) == _OPTIONAL:
-                self._note = why
+                self._notes.append(why)
             else:
                 self._error = why
         return status == 0

@@ -17,7 +17,7 @@ from ...loaders.file_model import FileModel
 from ..endpoints import get, post
 from ..session import StudioSession
 from .jobs import Jobs
-from .steps import PERSON, RECORDING, RUN, START, Steps
+from .steps import PERSON, RECORDING, START, Steps
 
 # A report has its scripts and styles within: it may run them, apart from the studio and its cookie.
 _REPORT_POLICY = (
@@ -132,12 +132,12 @@ def files_of(folder: Path) -> dict[str, Path]:
     """What the other pages show of a recording's folder, by the names of `StudioFiles`; only what is there."""
     steps = Steps(folder)
     rig = steps.current_rig()
-    found = {"rig": rig, "model": PERSON, "config": "tracker.yaml", "initial_state": START, "run": Path(RUN).parent}
+    found = {"rig": rig, "model": PERSON, "config": "tracker.yaml", "initial_state": START, "run": steps.current_run()}
     there = {name: folder / file for name, file in found.items() if file is not None and (folder / file).exists()}
     if "model" not in there:
         there.pop("initial_state", None)
     if not (folder / RECORDING).exists():
         there.pop("config", None)
-    if not (folder / RUN).exists():
+    if not (folder / steps.current_run() / "run.json").exists():
         there.pop("run", None)
     return there

@@ -10,6 +10,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,10 @@ from ...calibration.world_frame import UP, up_of_cameras
 from ...errors import FileFormatError, TrackerError, UnknownNameError
 from ...loaders.images.source import open_camera_source
 from ...loaders.rig.rig_yaml import load_rig
-from .folder import Contents, contents_of
+from .folder import Contents, contents_of, is_run
 
 RIG, TIMED, WORLD, PERSON, START = "rig.yaml", "rig_timed.yaml", "rig_world.yaml", "person.yaml", "start.yaml"
-RECORDING, RUN, REPORT = "recording.yaml", "run/run.json", "run/report.html"
+RECORDING, RUN = "recording.yaml", "run"
 DONE, TODO, OPTIONAL, WAITING = "done", "to do", "if needed", "not yet"
 CHOICE, TEXT, NUMBER = "choice", "text", "number"
 _BOARDS = ("charuco", "chessboard")
@@ -136,6 +137,11 @@ class Steps:
                 found = later
         return found
 
+    def current_run(self) -> str:
+        """The folder of the run that was made last, or of the first."""
+        found = [path for path in self.folder.glob("run*/run.json") if is_run(path.parent)]
+        return max(found, key=lambda path: path.stat().st_mtime_ns).parent.name if found else RUN
+
     def _has(self, name: str) -> bool:
         return (self.folder / name).is_file()
 
@@ -164,7 +170,8 @@ class Steps:
                 found = self._cameras(RIG)
             except TrackerError as error:
                 return Step("rig", title, TODO, str(error), self._rig_ways(), files=self._there("rig.html"))
-            return Step("rig", title, DONE, f"{RIG}: {len(found)} cameras", self._rig_ways(), found, self._there("rig.html"))
+            said = "; ".join([f"{RIG}: {len(found)} cameras", *(f"{name} is of none of them" for name in self._unused())])
+            return Step("rig", title, DONE, said, self._rig_ways(), found, self._there("rig.html"))
         if not here.recordings:
             said = "no videos in this folder, and no folders of images: put those of every camera here"
             return Step("rig", title, WAITING, said)
@@ -265,12 +272,13 @@ class Steps:
             ways.append(Way("points", "points of known place", lambda v: self._world_points(before, v), (points,)))
         axis = Field("up", "the axis that points up", options=_AXES)
         ways.append(Way("up", "an axis of the rig's world is up", lambda v: self._world_of(before, [f"--up={v['up']}"]), (axis,)))
-        if self._is_new(WORLD, before):
-            return Step("world", title, DONE, f"{WORLD}: origin, axes and scale", tuple(ways), self._centers(WORLD))
         try:
+            if self._is_new(WORLD, before):
+                return Step("world", title, DONE, f"{WORLD}: origin, axes and scale", tuple(ways), self._centers(WORLD))
             up = up_of_cameras(load_rig(self.folder / before))
         except TrackerError as error:
-            return Step("world", title, WAITING, str(error))
+            damaged = self._is_new(WORLD, before)  # which can be made again from a rig that is not
+            return Step("world", title, TODO if damaged else WAITING, str(error), tuple(ways))
         stands = up is not None and bool(up @ UP > 0.5)
         said = "z is up for the cameras; needed where origin and axes matter" if stands else "z is not up for the cameras"
         more = "; images of a board in world/CAMERA.png, or points in a CSV file, are found"
@@ -309,10 +317,10 @@ class Steps:
         return [["calibrate", "body", *arguments, "-o", PERSON, *self._anew(PERSON)]]
 
     def _person(self) -> tuple[str, ...]:
-        if not self._has(PERSON):
-            return ()
-        first = (self.folder / PERSON).read_text(errors="replace").split("\n", 1)[0]
-        return (first.removeprefix("# "),)
+        return (self._first_line(PERSON),) if self._has(PERSON) else ()
+
+    def _first_line(self, name: str) -> str:
+        return (self.folder / name).read_text(errors="replace").split("\n", 1)[0].removeprefix("# ")[:200]
 
     def _start(self) -> Step:
         title, rig = "Start", self.current_rig()
@@ -323,7 +331,8 @@ class Steps:
         ways = [Way("points", "search the person in the images", lambda v: [self._describe(rig, v)], (compare,))]
         if poses:
             pose = Field("pose", "pose", options=poses, value=_only(poses))
-            ways.append(Way("pose", "a pose set by hand", lambda v: [self._describe(rig, v, v["pose"])], (pose, compare)))
+            label = "a pose of the first images, set by hand"
+            ways.append(Way("pose", label, lambda v: [self._describe(rig, v, v["pose"])], (pose, compare)))
         if markers:
             file = Field("trc", "markers", options=markers, value=_only(markers))
             row = Field("row", "row, from 0", NUMBER, value="0")
@@ -332,7 +341,7 @@ class Steps:
         state = self._state(RECORDING, rig, PERSON)
         said = f"{RECORDING}: what is tracked, and how it begins" if state == DONE else self._older(RECORDING, rig, PERSON)
         said = said or "points in the images, markers, or a pose that you drag"
-        return Step("start", title, state, said, tuple(ways), links=links)
+        return Step("start", title, state, said, tuple(ways), tuple(f"{p}: {self._first_line(p)}" for p in poses), links=links)
 
     def _describe(self, rig: str, values: Values, pose: str | None = None) -> list[str]:
         start = [] if pose is None else ["--initial-state", pose]
@@ -351,29 +360,36 @@ class Steps:
             return Step("run", title, WAITING, f"needs {RECORDING}, which the start writes")
         sets = Field("max_sets", "image sets at most (empty: all)", NUMBER, needed=False)
         shrink = Field("shrink", "images smaller by", options=("1", "2", "4"), value="1")
-        way = Way("track", "track the videos", lambda v: [_track(v)], (sets, shrink))
-        state = self._state(RUN, RECORDING)
-        plain = "run/" if state == DONE else "tracks all images; may be canceled, and keeps what it has"
-        said = self._older(RUN, RECORDING) or plain
+        way = Way("track", "track the videos", lambda v: [self._track(v)], (sets, shrink))
+        run = self.current_run()
+        state = self._state(f"{run}/run.json", RECORDING)
+        plain = f"{run}/" if state == DONE else "tracks all images; may be canceled, and keeps what it has"
+        said = self._older(f"{run}/run.json", RECORDING) or plain
         return Step("run", title, state, said, (way,), self._counts())
+
+    def _track(self, values: Values) -> list[str]:
+        sets = ["--max-sets", values["max_sets"]] if values["max_sets"] else []
+        run = next(name for n in count(1) if not (self.folder / (name := RUN if n == 1 else f"{RUN}_{n}") / "bag").exists())
+        return ["track", RECORDING, *sets, *_unless(values, "shrink", "1"), *([] if run == RUN else ["--output", run])]
 
     def _counts(self) -> tuple[str, ...]:
         try:
-            summary = json.loads((self.folder / RUN).read_text())
+            summary = json.loads((self.folder / self.current_run() / "run.json").read_text())
             counts = {str(name): int(n) for name, n in summary["status_counts"].items() if n}
             return (f"{int(summary['image_sets'])} image sets: " + ", ".join(f"{n} {name}" for name, n in counts.items()),)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return ()
 
     def _look(self) -> Step:
-        title = "Look"
-        if not self._has(RUN):
+        title, run = "Look", self.current_run()
+        report = f"{run}/report.html"
+        if not self._has(f"{run}/run.json"):
             return Step("look", title, WAITING, "needs a run")
         truth = Field("truth", "compare with", options=("nothing", *self._contents.markers), value="nothing")
-        way = Way("evaluate", "report", lambda v: [_evaluate(v)], (truth,))
-        state = self._state(REPORT, RUN)
-        said = self._older(REPORT, RUN) or (REPORT if state == DONE else "the report, and the run over its images")
-        return Step("look", title, state, said, (way,), (), self._there(REPORT), {"Play it back": "/playback.html"})
+        way = Way("evaluate", "report", lambda v: [_evaluate(run, v)], (truth,))
+        state = self._state(report, f"{run}/run.json")
+        said = self._older(report, f"{run}/run.json") or (report if state == DONE else "the report, and the run over its images")
+        return Step("look", title, state, said, (way,), (), self._there(report), {"Play it back": "/playback.html"})
 
     def _there(self, *names: str) -> tuple[str, ...]:
         return tuple(name for name in names if self._has(name))
@@ -387,6 +403,13 @@ class Steps:
             size = f"{source.native_width}x{source.native_height}, {source.rate_hz:.5g} Hz"
             found.append(f"{camera.name}: {Path(str(camera.source)).name}, {size}, {source.n_images} images{behind}")
         return tuple(found)
+
+    def _unused(self) -> list[str]:
+        """Recordings beside those of the rig that none of its cameras has: one that a calibration has left out."""
+        used = {Path(str(camera.source)).resolve() for camera in load_rig(self.folder / RIG)}
+        folders = self._contents.recordings.values()
+        marked = ({name: (self.folder / name).resolve() in used for name in names} for names in folders)
+        return [name for folder in marked if any(folder.values()) for name, is_used in folder.items() if not is_used]
 
     def _centers(self, name: str) -> tuple[str, ...]:
         centers = {camera.name: camera.center for camera in load_rig(self.folder / name)}
@@ -427,13 +450,8 @@ def _unless(values: Values, name: str, usual: str) -> list[str]:
     return [] if values[name] == usual else [f"--{name.replace('_', '-')}", values[name]]
 
 
-def _track(values: Values) -> list[str]:
-    sets = ["--max-sets", values["max_sets"]] if values["max_sets"] else []
-    return ["track", RECORDING, *sets, *_unless(values, "shrink", "1")]
-
-
-def _evaluate(values: Values) -> list[str]:
-    return ["evaluate", "run", *([] if values["truth"] == "nothing" else ["--truth", values["truth"]])]
+def _evaluate(run: str, values: Values) -> list[str]:
+    return ["evaluate", run, *([] if values["truth"] == "nothing" else ["--truth", values["truth"]])]
 
 
 def _three(text: str, name: str) -> list[str]:
@@ -453,15 +471,15 @@ def _is_number(text: str) -> bool:
 def _checked(asked: Field, value: str) -> str:
     """A value that the field allows; text is never an option of a command."""
     value = value.strip()
+    if not value and asked.needed:
+        none = f"choose one of {', '.join(asked.options)}" if asked.options else "none in this folder"
+        raise TrackerError(f"{asked.label}: {none if asked.kind == CHOICE else 'still to be filled in'}")
     if not value:
-        if asked.needed:
-            expected = f"one of {', '.join(asked.options)}" if asked.options else f"{asked.label}"
-            raise FileFormatError("request", asked.name, expected, "nothing")
         return value
     if asked.kind == CHOICE and value not in asked.options:
         raise UnknownNameError(asked.label, value, asked.options)
     if asked.kind == NUMBER and not _is_number(value):
-        raise FileFormatError("request", asked.name, "a number", value)
+        raise TrackerError(f"{asked.label}: expected a number, got {value[:100]!r}")
     if asked.kind == TEXT and ((value.startswith("-") and asked.name != "at") or len(value) > 500):
         raise FileFormatError("request", asked.name, asked.label, value[:100])
     return value
