@@ -30,7 +30,7 @@ from ..estimate import Status
 from ..keypoints.evidence import lost_odds
 from ..limbs.judge import LimbJudge, body_status, is_noise
 from ..uncertainty.covariance import ImageEvidence, fit_covariance
-from ..uncertainty.symmetry import symmetry_of
+from ..uncertainty.modes import symmetry_of
 from .fitting import LineFit, RegionFitting
 
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked

@@ -1,26 +1,31 @@
-"""Turns that map a body, or the end of a limb, onto itself: no image tells them.
+"""Poses of a body that images do not tell apart: turns that map it onto itself, and modes beside the pose that was fitted.
 
-Of a rigid body that was lost it is not known in which of them it was found. A turn about an axis of revolution, as of a bottle or
-of a head that is a cone, is not told at all; lines that were drawn before the last step seem to tell a little of it.
-
+Of a rigid body that was lost it is not known in which of its turns it was found. A turn about an axis of revolution, as of a
+bottle or of a head that is a cone, is not told at all; lines that were drawn before the last step seem to tell a little of it.
 Surface points of the turned body are compared with others of the body itself, in place and in color. Axes are those of the link,
 of the shapes, and of inertia, through the middle of the surface; of a limb's end, that of its last joint.
+
+A *mode* is another pose that explains the images nearly as well: found from starts beside the fit, tried again in the next sets,
+and as far as it is probable the covariance is as wide as it is far.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ...camera.rig import Camera, CameraRig
 from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel, Shape
-from ...model.configuration import Configuration, State
+from ...model.configuration import Configuration, State, configured
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...model.shapes.primitives import Ellipsoid, Mesh
+from ...optimize.levenberg_marquardt import OptimizerResult
 from ...render.opengl.tessellation import Patch, tessellate
 
 ANGLES = tuple(np.radians([35.0, 60.0, 72.0, 90.0, 120.0, 180.0]))  # the first: of bodies of revolution
@@ -189,3 +194,175 @@ def _axes(model: ArticulatedModel, points: np.ndarray) -> Iterator[np.ndarray]:
             if all(abs(float(axis @ other)) < _ALIKE for other in axes):
                 axes.append(axis)
                 yield axis
+
+
+TILTS = (np.radians(8.0), np.radians(20.0))
+_TILT_AXES = 6
+_SHIFT = 0.12  # of the size
+N_TILTS, N_SHIFTS = len(TILTS) * _TILT_AXES, 6
+FEW_CAMERAS = 2  # that see the body: more of them leave no such modes
+_MOST_FOLLOWED = 2
+_APART = 0.015  # of the size, that some point moves from one mode to another
+TAKEN, _DROPPED = 8.0, -6.0  # log odds of a mode against the fit
+
+
+def tilted(model: ArticulatedModel, rig: CameraRig, state: State, which: Iterable[int] = range(N_TILTS)) -> list[State]:
+    """States whose root is tilted about axes across the line of sight of the nearest camera, its middle staying in place.
+
+    Parameters
+    ----------
+    model, rig : body and cameras.
+    state : that is tilted.
+    which : of the tilts, `_TILT_AXES` of each angle.
+
+    Returns
+    -------
+    One for each of ``which``.
+    """
+    middle = _middle(model, state)
+    camera = _nearest(rig, middle)
+    sight = camera.T_cam_world[:3, :3] @ (middle - camera.center)
+    sight /= np.linalg.norm(sight)
+    across = np.cross(sight, [0.0, 1.0, 0.0] if abs(sight[1]) < 0.9 else [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    other = np.cross(sight, across)
+    states = []
+    for i in which:
+        turn = (i % _TILT_AXES) * (2.0 * np.pi / _TILT_AXES)
+        axis = camera.T_world_cam[:3, :3] @ (np.cos(turn) * across + np.sin(turn) * other)
+        rotation = so3.exp(TILTS[i // _TILT_AXES] * axis)
+        T = state.T_world_root.copy()
+        T[:3, :3] = rotation @ T[:3, :3]
+        T[:3, 3] = middle + rotation @ (T[:3, 3] - middle)
+        states.append(State(T, state.joint_positions))
+    return states
+
+
+def shifted(
+    model: ArticulatedModel, rig: CameraRig, state: State, size: float, which: Iterable[int] = range(N_SHIFTS)
+) -> list[State]:  # fmt: skip
+    """States that are shifted along the axes of the nearest camera, by a part of its size.
+
+    Parameters
+    ----------
+    model, rig : body and cameras.
+    state : that is shifted.
+    size : of the body, meters.
+    which : of the shifts, two for each axis.
+
+    Returns
+    -------
+    One for each of ``which``.
+    """
+    axes, step = _nearest(rig, _middle(model, state)).T_cam_world[:3, :3], _SHIFT * size
+    moves = [(1.0 if i % 2 else -1.0) * step * axes[i // 2] for i in which]
+    return [state.retract(np.concatenate([move, np.zeros(model.n_dof - 3)])) for move in moves]
+
+
+def _middle(model: ArticulatedModel, state: State) -> np.ndarray:
+    return configured(model, state).Ts_world_shape[:, :3, 3].mean(axis=0)
+
+
+def _nearest(rig: CameraRig, middle: np.ndarray) -> Camera:
+    return min(rig, key=lambda camera: float(np.linalg.norm(camera.center - middle)))
+
+
+F = TypeVar("F", bound=OptimizerResult)
+
+
+@dataclass(frozen=True, eq=False)
+class Mode(Generic[F]):
+    """A fit beside another one: ``tangent`` (n_dof,) from that to it, ``odds`` for it, natural logarithm."""
+
+    fit: F
+    tangent: np.ndarray
+    odds: float
+
+
+class Modes(Generic[F]):
+    """The modes of one rigid body that are followed; deterministic in the fits since `reset`.
+
+    Parameters
+    ----------
+    rig, model : cameras and body.
+    size : of the body, meters.
+    """
+
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, size: float):
+        self._rig, self._model, self._size = rig, model, size
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is followed."""
+        self._followed: list[np.ndarray] = []  # root of a mode in the frame of the fit's, (4, 4)
+        self._next = 0
+
+    def followed(self, state: State) -> list[State]:
+        """Where the modes of the last set are beside a state."""
+        return [State(state.T_world_root @ T, state.joint_positions) for T in self._followed]
+
+    def starts(self, state: State, n: int | None = None) -> list[State]:
+        """Starts beside a state: ``n``, others with every set; None: all."""
+        whole = N_TILTS + N_SHIFTS
+        which = list(range(whole)) if n is None else [(self._next + i * (whole // n)) % whole for i in range(n)]
+        self._next += n is not None
+        tilts, shifts = [i for i in which if i < N_TILTS], [i - N_TILTS for i in which if i >= N_TILTS]
+        return tilted(self._model, self._rig, state, tilts) + shifted(self._model, self._rig, state, self._size, shifts)
+
+    def beside(self, fit: F, others: Iterable[F], odds: Callable[[F], float]) -> list[Mode[F]]:
+        """The modes beside a fit.
+
+        Parameters
+        ----------
+        fit, others : of the present image set.
+        odds : of a fit against ``fit``, natural logarithm.
+
+        Returns
+        -------
+        The best first; those that are worth it, and apart from the fit and each other.
+        """
+        spins = symmetry_of(self._model).spins(configured(self._model, fit.state))  # no image tells them
+        modes = []
+        for other in others:
+            tangent, own = _without(other.state.difference(fit.state), spins), odds(other)
+            if own > _DROPPED and self._moved(fit.state, tangent) > _APART * self._size:
+                modes.append(Mode(other, tangent, own))
+        modes.sort(key=lambda mode: -mode.odds)
+        kept: list[Mode[F]] = []
+        for mode in modes:
+            if all(self._moved(fit.state, mode.tangent - each.tangent) > _APART * self._size for each in kept):
+                kept.append(mode)
+        return kept
+
+    def follow(self, state: State, modes: Sequence[Mode[F]]) -> np.ndarray | None:
+        """Follow the best modes from now on.
+
+        Parameters
+        ----------
+        state : of the fit.
+        modes : beside it, the best first.
+
+        Returns
+        -------
+        (n_dof, n_modes) tangents to them, each times the root of its probability; None where there are none.
+        """
+        origin = se3.inverse(state.T_world_root)
+        self._followed = [origin @ mode.fit.state.T_world_root for mode in modes[:_MOST_FOLLOWED]]
+        if not modes:
+            return None
+        weights = np.exp([min(mode.odds, 0.0) for mode in modes])
+        shares = np.sqrt(weights / (1.0 + weights.sum()))
+        return np.stack([mode.tangent for mode in modes], axis=1) * shares
+
+    def _moved(self, state: State, tangent: np.ndarray) -> float:
+        """How far some point of the body moves at most, meters, about."""
+        lever = _middle(self._model, state) - state.T_world_root[:3, 3]
+        shift = tangent[:3] + np.cross(tangent[3:6], lever)
+        return float(np.linalg.norm(shift) + 0.5 * self._size * np.linalg.norm(tangent[3:6]))
+
+
+def _without(tangent: np.ndarray, spins: list[np.ndarray]) -> np.ndarray:
+    """A tangent without its parts along others."""
+    for spin in spins:
+        tangent = tangent - (tangent @ spin) / (spin @ spin) * spin
+    return tangent
