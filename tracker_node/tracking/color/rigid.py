@@ -1,4 +1,8 @@
-"""A rigid body by its colors: alignment over the moving mask, and hypotheses where its score is too near to chance."""
+"""A rigid body by its colors: alignment over the moving mask, hypotheses where its score is too near to chance, and modes.
+
+The mean over the mask does not tell a body from one that hides within its own color: a thing of one color, that one camera sees,
+walks away from it. Where few cameras see a body, it is compared with poses beside it by what they cover (`ColorCoverage`).
+"""
 
 from __future__ import annotations
 
@@ -11,18 +15,31 @@ from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
 from ...objective.color.alignment import PhotometricObjective, PhotometricOptions
-from ...objective.color.score import ColorObjective, ColorOptions
+from ...objective.color.score import ColorCoverage, ColorObjective, ColorOptions
 from ...objective.constraints.prior import Prior
 from ...optimize.alignment import align
 from ...optimize.fitter import Fit
+from ...optimize.levenberg_marquardt import OptimizerResult
 from ...optimize.robust_fit import RobustFitOptions, align_robustly
 from ...optimize.robust_start import RobustStartOptions
+from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...parallel import Workers
+from ..assessment import inverse_covariance
 from ..config import ColorConfig
-from ..limbs.tree import Limb
+from ..limbs.tree import Limb, thing_size
 from ..modality import Images
+from ..uncertainty.modes import FEW_CAMERAS, TAKEN, Modes, Posed
+from .agreement import LEAST_CAMERA
 from .modality import ColorModality, ColorScores
 from .search import AlignmentSearch, ColorSearch, ended
+
+_ANY_CAP = 20.0  # gray levels, until it is known how much surroundings differ
+_LEAST_LEVELS, _LEAST_CONTRAST = 3.0, 3.0  # gray levels of a body's own colors; those of surroundings are so many times them
+_ROW_STEP = 2
+_POLISH = SimplexOptions((SimplexStage(0.004, np.radians(1.5), 0.3, _ROW_STEP, 15),))
+_POLISHED, _FIRST_POLISHED = 2, 6  # starts, of an image set
+_SHARE = 0.1  # of a difference in coverage, beside what neighboring pixels share: light that nobody knows changes whole sides
+_WIDTHS = np.array([2.0, 4.0, 8.0, 16.0])  # standard deviations of a direction, at which it is asked how far it is flat
 
 
 class RigidScores(ColorScores):
@@ -33,26 +50,104 @@ class RigidScores(ColorScores):
         self.score = ColorObjective(model, rig, ColorOptions(*what, gained=config.fit_gain), workers=workers)
         options = PhotometricOptions(*what, levels=config.levels, gained=config.fit_gain)
         self.pyramid = PhotometricObjective(model, rig, options, workers=workers)
+        self.covered = ColorObjective(model, rig, ColorOptions(*what, cap=_ANY_CAP), workers=workers)
         self.blind = True
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
         """Take the learned colors."""
         self.score.set_colors(learned)
         self.pyramid.set_colors(learned)
+        self.covered.set_colors(learned)
 
     def set_images(self, images: Images, expected: State | None) -> None:
         """Take the images of a set."""
         self.blind = all(image is None for image in images)
         self.score.set_images(images)
         self.pyramid.set_images(images)
+        self.covered.set_images(images)
+
+
+class ColorModes(Modes[Posed]):
+    """The modes of one rigid body by what its colors cover; deterministic in the fits since the first one.
+
+    Parameters
+    ----------
+    model, rig : body and cameras.
+    modality, scores : have the present images.
+    """
+
+    def __init__(self, model: ArticulatedModel, rig: CameraRig, modality: ColorModality, scores: RigidScores):
+        super().__init__(rig, model, thing_size(model), by_texture=True)
+        self._modality, self._scores = modality, scores
+
+    def look(self, fit: Fit, start: State, first: bool) -> Fit:
+        """A fit with the modes beside it.
+
+        Parameters
+        ----------
+        fit, start : of the present image set, and where the body was expected.
+        first : of a first image set, whose start may be far off.
+
+        Returns
+        -------
+        The fit, or the pose that is clearly better, with ``modes``.
+        """
+        if first:
+            self.reset()
+        coverage = self._coverage(start)
+        if coverage is None:
+            self._followed = []
+            return fit
+        starts = [start, *self.followed(fit.state), *self.starts(fit.state), *(self.starts(start) if first else ())]
+        order = np.argsort(coverage.at_row_step(_ROW_STEP).scores(starts), kind="stable")
+        chosen = [starts[i] for i in order[: _FIRST_POLISHED if first else _POLISHED]]
+        found: list[Posed] = [fit, *(search_simplex(coverage, each, self._model.chain, _POLISH) for each in chosen)]
+        scores = coverage.scores([each.state for each in found])
+        best, unit = int(np.argmin(scores)), 2.0 * self._modality.variance(found[int(np.argmin(scores))].state) / _SHARE
+        if scores[0] - scores[best] < TAKEN * unit:
+            best = 0
+        odds = (scores[best] - scores) / unit
+        modes = self.beside(found[best], [(found[i], odds[i]) for i in range(len(found)) if i != best])
+        if best:
+            level = self._scores.pyramid.at_level(0)
+            there = OptimizerResult(found[best].state, level.linearize(found[best].state), fit.iterations, fit.evaluations, True)
+            fit = ended(there, level)
+        flat, tangents = self._flat(fit, coverage, unit), self.follow(fit.state, modes)
+        return replace(fit, modes=flat if tangents is None else np.hstack([tangents, flat]))
+
+    def _coverage(self, start: State) -> ColorCoverage | None:
+        """By what the body's colors and those of its surroundings are where it is expected; None where many cameras see it."""
+        seen = self._modality.agreement(start)
+        pixels = seen.pixels.sum(axis=1)
+        if not 0 < int((pixels >= LEAST_CAMERA).sum()) <= FEW_CAMERAS:
+            return None
+        around = np.maximum(seen.chance.sum(axis=1) / np.maximum(3.0 * pixels, 1.0), (_LEAST_LEVELS * _LEAST_CONTRAST) ** 2)
+        own = np.clip(seen.camera_rms**2, _LEAST_LEVELS**2, around / _LEAST_CONTRAST**2)
+        # Two normal distributions of three channels are equal there
+        return ColorCoverage(self._scores.covered, 3.0 * np.log(around / own) * own / (1.0 - own / around))
+
+    def _flat(self, fit: Fit, coverage: ColorCoverage, unit: float) -> np.ndarray:
+        """(n_dof, n_dof) tangents along which more is covered as well than the equations of the fit say."""
+        covariance = inverse_covariance(fit.correspondences.linearize(fit.state).H, self._modality.variance(fit.state))
+        variance, directions = np.linalg.eigh(covariance)
+        steps = np.concatenate([-_WIDTHS[::-1], [0.0], _WIDTHS])
+        sigmas = np.sqrt(np.maximum(variance, 0.0))
+        tangents = (steps[None, :, None] * (sigmas * directions).T[:, None, :]).reshape(-1, len(sigmas))
+        scores = coverage.at_row_step(_ROW_STEP).scores([fit.state.retract(t) for t in tangents]).reshape(len(sigmas), -1)
+        weights = np.exp(-np.maximum(scores - scores[:, len(_WIDTHS)][:, None], 0.0) / unit) * np.gradient(steps)
+        more = np.maximum((weights @ steps**2) / weights.sum(axis=1) - 1.0, 0.0)
+        return directions * sigmas * np.sqrt(more)
 
 
 class RigidSearch(ColorSearch):
     """The `ColorSearch` of a body without joints; it has no parts to hide behind others, and no angles that nobody sees."""
 
-    def __init__(self, model: ArticulatedModel, config: ColorConfig, modality: ColorModality, scores: RigidScores):
+    def __init__(
+        self, model: ArticulatedModel, rig: CameraRig, config: ColorConfig, modality: ColorModality, scores: RigidScores
+    ):
         self._model, self._config, self._scores = model, config, scores
         self._blind = AlignmentSearch(model, config, modality)
+        self._modes = ColorModes(model, rig, modality, scores)
 
     def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
         """Align, and search where the score is too near to chance.
@@ -70,7 +165,7 @@ class RigidSearch(ColorSearch):
             around = RobustStartOptions(config.search_radius, angle, n, seed=config.seed)
             found = align_robustly(scores.score, scores.pyramid, start, chain, RobustFitOptions(search=around))
             result = replace(found.best, evaluations=found.evaluations)
-        return ended(result, scores.pyramid.at_level(0))
+        return self._modes.look(ended(result, scores.pyramid.at_level(0)), start, first)
 
     def find_limb(self, limb: Limb, around: State, rng: np.random.Generator) -> State:
         """There is none."""

@@ -126,7 +126,7 @@ class RigidModes(Modes[LineFit]):
 
     def _beside(self, fit: LineFit, others: Iterable[LineFit]) -> list[Mode[LineFit]]:
         own = self._measures(fit)
-        return self.beside(fit, others, lambda other: self._measures(other).odds(own))
+        return self.beside(fit, [(other, self._measures(other).odds(own)) for other in others])
 
     def _measures(self, fit: LineFit) -> _Measures:
         evidence, lines = self._evidence(fit), fit.correspondences.at(fit.state)

@@ -11,10 +11,10 @@ and as far as it is probable the covariance is as wide as it is far.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -25,7 +25,6 @@ from ...model.articulated import ArticulatedModel, Shape
 from ...model.configuration import Configuration, State, configured
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...model.shapes.primitives import Ellipsoid, Mesh
-from ...optimize.levenberg_marquardt import OptimizerResult
 from ...render.opengl.tessellation import Patch, tessellate
 
 ANGLES = tuple(np.radians([35.0, 60.0, 72.0, 90.0, 120.0, 180.0]))  # the first: of bodies of revolution
@@ -203,6 +202,7 @@ N_TILTS, N_SHIFTS = len(TILTS) * _TILT_AXES, 6
 FEW_CAMERAS = 2  # that see the body: more of them leave no such modes
 _MOST_FOLLOWED = 2
 _APART = 0.015  # of the size, that some point moves from one mode to another
+_OF_A_TURN = np.radians(5.0)  # from a turn that maps the body onto itself
 TAKEN, _DROPPED = 8.0, -6.0  # log odds of a mode against the fit
 
 
@@ -267,7 +267,14 @@ def _nearest(rig: CameraRig, middle: np.ndarray) -> Camera:
     return min(rig, key=lambda camera: float(np.linalg.norm(camera.center - middle)))
 
 
-F = TypeVar("F", bound=OptimizerResult)
+class Posed(Protocol):
+    """What a fit has at the least."""
+
+    @property
+    def state(self) -> State: ...
+
+
+F = TypeVar("F", bound=Posed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,10 +293,11 @@ class Modes(Generic[F]):
     ----------
     rig, model : cameras and body.
     size : of the body, meters.
+    by_texture : colors tell turns apart point by point; else each shape has one.
     """
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, size: float):
-        self._rig, self._model, self._size = rig, model, size
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, size: float, by_texture: bool = False):
+        self._rig, self._model, self._size, self._by_texture = rig, model, size, by_texture
         self.reset()
 
     def reset(self) -> None:
@@ -309,24 +317,26 @@ class Modes(Generic[F]):
         tilts, shifts = [i for i in which if i < N_TILTS], [i - N_TILTS for i in which if i >= N_TILTS]
         return tilted(self._model, self._rig, state, tilts) + shifted(self._model, self._rig, state, self._size, shifts)
 
-    def beside(self, fit: F, others: Iterable[F], odds: Callable[[F], float]) -> list[Mode[F]]:
+    def beside(self, fit: F, others: Iterable[tuple[F, float]]) -> list[Mode[F]]:
         """The modes beside a fit.
 
         Parameters
         ----------
-        fit, others : of the present image set.
-        odds : of a fit against ``fit``, natural logarithm.
+        fit : of the present image set.
+        others : of the same, with the log odds of each against it, natural logarithm.
 
         Returns
         -------
-        The best first; those that are worth it, and apart from the fit and each other.
+        The best first; those that are worth it, and apart from the fit and each other, but for turns that no image tells.
         """
-        spins = symmetry_of(self._model).spins(configured(self._model, fit.state))  # no image tells them
-        modes = []
-        for other in others:
-            tangent, own = _without(other.state.difference(fit.state), spins), odds(other)
-            if own > _DROPPED and self._moved(fit.state, tangent) > _APART * self._size:
-                modes.append(Mode(other, tangent, own))
+        symmetry = symmetry_of(self._model, self._by_texture)
+        spins, modes = symmetry.spins(configured(self._model, fit.state)), []
+        turns = np.array([] if spins else symmetry.turns)
+        for other, odds in others:
+            tangent = _without(other.state.difference(fit.state), spins)
+            turned = np.abs(np.linalg.norm(tangent[3:6]) - turns) < _OF_A_TURN
+            if odds > _DROPPED and self._moved(fit.state, tangent) > _APART * self._size and not turned.any():
+                modes.append(Mode(other, tangent, odds))
         modes.sort(key=lambda mode: -mode.odds)
         kept: list[Mode[F]] = []
         for mode in modes:
@@ -359,6 +369,29 @@ class Modes(Generic[F]):
         lever = _middle(self._model, state) - state.T_world_root[:3, 3]
         shift = tangent[:3] + np.cross(tangent[3:6], lever)
         return float(np.linalg.norm(shift) + 0.5 * self._size * np.linalg.norm(tangent[3:6]))
+
+
+def point_sigma(model: ArticulatedModel, size: float, state: State, covariance: np.ndarray, by_texture: bool = False) -> float:
+    """How well the points of a rigid body are known, but for a turn about an axis of revolution.
+
+    Parameters
+    ----------
+    model, size : body and its size, meters.
+    state, covariance : of it, and (n_dof, n_dof) in its tangent.
+    by_texture : of `symmetry_of`.
+
+    Returns
+    -------
+    Standard deviation of the least known point, about, meters.
+    """
+    told = np.eye(3)
+    for spin in symmetry_of(model, by_texture).spins(configured(model, state)):
+        axis = spin[3:6] / np.linalg.norm(spin[3:6])
+        told -= np.outer(axis, axis)
+    lever = _middle(model, state) - state.T_world_root[:3, 3]
+    J = np.hstack([np.eye(3), -so3.hat(lever)])
+    turn = np.linalg.eigvalsh(told @ covariance[3:6, 3:6] @ told)[-1]
+    return float(np.sqrt(np.linalg.eigvalsh(J @ covariance[:6, :6] @ J.T)[-1] + 0.25 * size**2 * max(turn, 0.0)))
 
 
 def _without(tangent: np.ndarray, spins: list[np.ndarray]) -> np.ndarray:
