@@ -197,14 +197,14 @@ def check_colors(model: ArticulatedModel) -> None:
     ModelError : when all shapes have the color that files get which state none.
     """
     default = Shape.__dataclass_fields__["color_rgb"].default
-    if all(shape.color_rgb == default and not _is_pictured(shape) for shape in model.shapes):
+    if all(shape.color_rgb == default and not is_pictured(shape) for shape in model.shapes):
         raise ModelError(
             f"model '{model.name}' has no colors: expected color_rgb of its shapes, or the parameter color.learn_colors, for an"
             " engine that goes by colors"
         )
 
 
-def _is_pictured(shape: Shape) -> bool:
+def is_pictured(shape: Shape) -> bool:
     """Whether the shape has more colors than one."""
     primitive = shape.primitive
     if isinstance(primitive, Box):

@@ -28,9 +28,9 @@ from ..assessment import inverse_covariance
 from ..config import ColorConfig
 from ..limbs.tree import Limb, thing_size
 from ..modality import Images
-from ..uncertainty.modes import FEW_CAMERAS, TAKEN, Modes, Posed
+from ..uncertainty.modes import FEW_CAMERAS, Modes, Posed
 from .agreement import LEAST_CAMERA
-from .modality import ColorModality, ColorScores
+from .modality import ColorModality, ColorScores, is_pictured
 from .search import AlignmentSearch, ColorSearch, ended
 
 _ANY_CAP = 20.0  # gray levels, until it is known how much surroundings differ
@@ -38,7 +38,9 @@ _LEAST_LEVELS, _LEAST_CONTRAST = 3.0, 3.0  # gray levels of a body's own colors;
 _ROW_STEP = 2
 _POLISH = SimplexOptions((SimplexStage(0.004, np.radians(1.5), 0.3, _ROW_STEP, 15),))
 _POLISHED, _FIRST_POLISHED = 2, 6  # starts, of an image set
-_SHARE = 0.1  # of a difference in coverage, beside what neighboring pixels share: light that nobody knows changes whole sides
+_SHARES = (0.03, 0.1, 0.2)  # of a difference in coverage that counts, by cameras: light that nobody knows changes whole sides
+_TAKEN = 3.0  # log odds of another pose against the fit
+_MOVED = 0.1  # of the size, standard deviation of how far a body is from where it is expected
 _WIDTHS = np.array([2.0, 4.0, 8.0, 16.0])  # standard deviations of a direction, at which it is asked how far it is flat
 
 
@@ -76,9 +78,18 @@ class ColorModes(Modes[Posed]):
     modality, scores : have the present images.
     """
 
-    def __init__(self, model: ArticulatedModel, rig: CameraRig, modality: ColorModality, scores: RigidScores):
-        super().__init__(rig, model, thing_size(model), by_texture=True)
+    def __init__(
+        self, model: ArticulatedModel, rig: CameraRig, config: ColorConfig, modality: ColorModality, scores: RigidScores
+    ):
+        self._correlation, self._degraded = config.correlation, config.degraded_agreement
         self._modality, self._scores = modality, scores
+        self._plain = not any(map(is_pictured, model.shapes)) and len({shape.color_rgb for shape in model.shapes}) == 1
+        super().__init__(rig, model, thing_size(model), by_texture=True)
+
+    def reset(self) -> None:
+        """Nothing is followed, and the body's own colors are not known."""
+        super().reset()
+        self._own = np.zeros(len(self._rig))
 
     def look(self, fit: Fit, start: State, first: bool) -> Fit:
         """A fit with the modes beside it.
@@ -94,39 +105,45 @@ class ColorModes(Modes[Posed]):
         """
         if first:
             self.reset()
-        coverage = self._coverage(start)
-        if coverage is None:
+        n = int((self._modality.agreement(start).pixels.sum(axis=1) >= LEAST_CAMERA).sum())
+        if n == 0 or (n > FEW_CAMERAS and not self._plain):
             self._followed = []
             return fit
+        coverage = self._coverage(start, n)
+        if n > FEW_CAMERAS:
+            return replace(fit, modes=self._flat(fit, coverage))
         starts = [start, *self.followed(fit.state), *self.starts(fit.state), *(self.starts(start) if first else ())]
         order = np.argsort(coverage.at_row_step(_ROW_STEP).scores(starts), kind="stable")
         chosen = [starts[i] for i in order[: _FIRST_POLISHED if first else _POLISHED]]
         found: list[Posed] = [fit, *(search_simplex(coverage, each, self._model.chain, _POLISH) for each in chosen)]
         scores = coverage.scores([each.state for each in found])
-        best, unit = int(np.argmin(scores)), 2.0 * self._modality.variance(found[int(np.argmin(scores))].state) / _SHARE
-        if scores[0] - scores[best] < TAKEN * unit:
+        if self._modality.agreement(start).median > self._degraded:  # else it may be anywhere
+            moved = np.array([self.moved(start, each.state.difference(start)) for each in found])
+            scores += 0.5 * self._unit * (moved / (_MOVED * self._size)) ** 2
+        best = int(np.argmin(scores))
+        if scores[0] - scores[best] < _TAKEN * self._unit:
             best = 0
-        odds = (scores[best] - scores) / unit
+        odds = (scores[best] - scores) / self._unit
         modes = self.beside(found[best], [(found[i], odds[i]) for i in range(len(found)) if i != best])
         if best:
             level = self._scores.pyramid.at_level(0)
             there = OptimizerResult(found[best].state, level.linearize(found[best].state), fit.iterations, fit.evaluations, True)
             fit = ended(there, level)
-        flat, tangents = self._flat(fit, coverage, unit), self.follow(fit.state, modes)
+        flat, tangents = self._flat(fit, coverage), self.follow(fit.state, modes)
         return replace(fit, modes=flat if tangents is None else np.hstack([tangents, flat]))
 
-    def _coverage(self, start: State) -> ColorCoverage | None:
-        """By what the body's colors and those of its surroundings are where it is expected; None where many cameras see it."""
+    def _coverage(self, start: State, n_cameras: int) -> ColorCoverage:
+        """By how much the body's colors, at first, and those of its surroundings differ from the model's where it is expected."""
         seen = self._modality.agreement(start)
         pixels = seen.pixels.sum(axis=1)
-        if not 0 < int((pixels >= LEAST_CAMERA).sum()) <= FEW_CAMERAS:
-            return None
         around = np.maximum(seen.chance.sum(axis=1) / np.maximum(3.0 * pixels, 1.0), (_LEAST_LEVELS * _LEAST_CONTRAST) ** 2)
-        own = np.clip(seen.camera_rms**2, _LEAST_LEVELS**2, around / _LEAST_CONTRAST**2)
+        self._own = np.where(self._own > 0.0, self._own, seen.camera_rms**2)
+        own = np.clip(self._own, _LEAST_LEVELS**2, around / _LEAST_CONTRAST**2)
+        self._unit = 2.0 * float(own.mean()) * self._correlation / _SHARES[min(n_cameras, len(_SHARES)) - 1]
         # Two normal distributions of three channels are equal there
         return ColorCoverage(self._scores.covered, 3.0 * np.log(around / own) * own / (1.0 - own / around))
 
-    def _flat(self, fit: Fit, coverage: ColorCoverage, unit: float) -> np.ndarray:
+    def _flat(self, fit: Fit, coverage: ColorCoverage) -> np.ndarray:
         """(n_dof, n_dof) tangents along which more is covered as well than the equations of the fit say."""
         covariance = inverse_covariance(fit.correspondences.linearize(fit.state).H, self._modality.variance(fit.state))
         variance, directions = np.linalg.eigh(covariance)
@@ -134,7 +151,7 @@ class ColorModes(Modes[Posed]):
         sigmas = np.sqrt(np.maximum(variance, 0.0))
         tangents = (steps[None, :, None] * (sigmas * directions).T[:, None, :]).reshape(-1, len(sigmas))
         scores = coverage.at_row_step(_ROW_STEP).scores([fit.state.retract(t) for t in tangents]).reshape(len(sigmas), -1)
-        weights = np.exp(-np.maximum(scores - scores[:, len(_WIDTHS)][:, None], 0.0) / unit) * np.gradient(steps)
+        weights = np.exp(-np.maximum(scores - scores[:, len(_WIDTHS)][:, None], 0.0) / self._unit) * np.gradient(steps)
         more = np.maximum((weights @ steps**2) / weights.sum(axis=1) - 1.0, 0.0)
         return directions * sigmas * np.sqrt(more)
 
@@ -147,7 +164,7 @@ class RigidSearch(ColorSearch):
     ):
         self._model, self._config, self._scores = model, config, scores
         self._blind = AlignmentSearch(model, config, modality)
-        self._modes = ColorModes(model, rig, modality, scores)
+        self._modes = ColorModes(model, rig, config, modality, scores)
 
     def run(self, start: State, priors: Sequence[Prior], first: bool) -> Fit:
         """Align, and search where the score is too near to chance.

@@ -335,12 +335,12 @@ class Modes(Generic[F]):
         for other, odds in others:
             tangent = _without(other.state.difference(fit.state), spins)
             turned = np.abs(np.linalg.norm(tangent[3:6]) - turns) < _OF_A_TURN
-            if odds > _DROPPED and self._moved(fit.state, tangent) > _APART * self._size and not turned.any():
+            if odds > _DROPPED and self.moved(fit.state, tangent) > _APART * self._size and not turned.any():
                 modes.append(Mode(other, tangent, odds))
         modes.sort(key=lambda mode: -mode.odds)
         kept: list[Mode[F]] = []
         for mode in modes:
-            if all(self._moved(fit.state, mode.tangent - each.tangent) > _APART * self._size for each in kept):
+            if all(self.moved(fit.state, mode.tangent - each.tangent) > _APART * self._size for each in kept):
                 kept.append(mode)
         return kept
 
@@ -364,8 +364,17 @@ class Modes(Generic[F]):
         shares = np.sqrt(weights / (1.0 + weights.sum()))
         return np.stack([mode.tangent for mode in modes], axis=1) * shares
 
-    def _moved(self, state: State, tangent: np.ndarray) -> float:
-        """How far some point of the body moves at most, meters, about."""
+    def moved(self, state: State, tangent: np.ndarray) -> float:
+        """How far some point of the body moves at most, about.
+
+        Parameters
+        ----------
+        state, tangent : of the body, and (n_dof,) from it.
+
+        Returns
+        -------
+        Meters.
+        """
         lever = _middle(self._model, state) - state.T_world_root[:3, 3]
         shift = tangent[:3] + np.cross(tangent[3:6], lever)
         return float(np.linalg.norm(shift) + 0.5 * self._size * np.linalg.norm(tangent[3:6]))
