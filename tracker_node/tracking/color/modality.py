@@ -128,8 +128,18 @@ class ColorModality(Modality):
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
         """Blur and halve the images around the expected body."""
-        self._images = [None] * len(self._rig) if expected is None else list(map(_lit, images, self._gains))
-        self._agreement, self._delays = None, delays
+        self._delays = delays
+        self._show([None] * len(self._rig) if expected is None else list(map(_lit, images, self._gains)), expected)
+
+    def relight(self, state: State) -> None:
+        """Find the gains of a first image set anew, where the body is in ``state`` rather than where it was said to be."""
+        if self._fits_gain:
+            gains = self._photometry.gains(self._images, state)
+            self._gains = self._gains * gains
+            self._show(list(map(_lit, self._images, gains)), state)
+
+    def _show(self, images: Images, expected: State | None) -> None:
+        self._images, self._agreement = images, None
         around = State.neutral(self._model) if expected is None else expected
         self._photometry.set_images(self._images, around, self._config.reach_px, self._offsets(around))
         if self._scores is not None:

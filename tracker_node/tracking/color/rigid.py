@@ -36,9 +36,9 @@ from .search import AlignmentSearch, ColorSearch, ended
 _ANY_CAP = 20.0  # gray levels, until it is known how much surroundings differ
 _LEAST_LEVELS, _LEAST_CONTRAST = 3.0, 3.0  # gray levels of a body's own colors; those of surroundings are so many times them
 _ROW_STEP = 2
-_POLISH = SimplexOptions((SimplexStage(0.004, np.radians(1.5), 0.3, _ROW_STEP, 15),))
+_POLISH = SimplexOptions((SimplexStage(0.004, np.radians(1.5), 0.4, _ROW_STEP, 12),))
 _POLISHED, _FIRST_POLISHED = 2, 6  # starts, of an image set
-_SHARES = (0.03, 0.1, 0.2)  # of a difference in coverage that counts, by cameras: light that nobody knows changes whole sides
+_SHARES = (0.06, 0.1, 0.2)  # of a difference in coverage that counts, by cameras: light that nobody knows changes whole sides
 _TAKEN = 3.0  # log odds of another pose against the fit
 _MOVED = 0.1  # of the size, standard deviation of how far a body is from where it is expected
 _WIDTHS = np.array([2.0, 4.0, 8.0, 16.0])  # standard deviations of a direction, at which it is asked how far it is flat
@@ -109,6 +109,9 @@ class ColorModes(Modes[Posed]):
         if n == 0 or (n > FEW_CAMERAS and not self._plain):
             self._followed = []
             return fit
+        if first and n <= FEW_CAMERAS:
+            self._modality.relight(fit.state)
+            self._own = np.minimum(*(self._modality.agreement(state).camera_rms ** 2 for state in (fit.state, start)))
         coverage = self._coverage(start, n)
         if n > FEW_CAMERAS:
             return replace(fit, modes=self._flat(fit, coverage))
@@ -129,11 +132,13 @@ class ColorModes(Modes[Posed]):
             level = self._scores.pyramid.at_level(0)
             there = OptimizerResult(found[best].state, level.linearize(found[best].state), fit.iterations, fit.evaluations, True)
             fit = ended(there, level)
+        if first:
+            self._own = self._modality.agreement(fit.state).camera_rms ** 2
         flat, tangents = self._flat(fit, coverage), self.follow(fit.state, modes)
         return replace(fit, modes=flat if tangents is None else np.hstack([tangents, flat]))
 
     def _coverage(self, start: State, n_cameras: int) -> ColorCoverage:
-        """By how much the body's colors, at first, and those of its surroundings differ from the model's where it is expected."""
+        """By how far the body's colors, at first, and those around it, where it is expected, are from those of the model."""
         seen = self._modality.agreement(start)
         pixels = seen.pixels.sum(axis=1)
         around = np.maximum(seen.chance.sum(axis=1) / np.maximum(3.0 * pixels, 1.0), (_LEAST_LEVELS * _LEAST_CONTRAST) ** 2)
