@@ -110,7 +110,8 @@ class ColorModes(Modes[Posed]):
             self._followed = []
             return fit
         if first and n <= FEW_CAMERAS:
-            self._modality.relight(fit.state)
+            if self._modality.agreement(start).median < self._degraded:
+                self._modality.relight(fit.state)
             self._own = np.minimum(*(self._modality.agreement(state).camera_rms ** 2 for state in (fit.state, start)))
         coverage = self._coverage(start, n)
         if n > FEW_CAMERAS:
