@@ -152,10 +152,23 @@ class ColorModality(Modality):
     def agreement(self, state: State) -> ColorAgreement:
         """How far the colors agree in the present images; that of the last state is kept."""
         if self._agreement is None or self._agreement[0] is not state:
-            painted, parallel, offsets = self._photometry.painted, self._photometry.parallel, self._offsets(state)
-            found = agreement_of(painted, self._rig, self._images, state, self._options, parallel, offsets)
-            self._agreement = state, found
+            self._agreement = state, self.agreement_by(self._options.representation, state)
         return self._agreement[1]
+
+    def agreement_by(self, representation: str, state: State) -> ColorAgreement:
+        """How far the colors agree in the present images by another representation.
+
+        Parameters
+        ----------
+        representation, state : of `ColorConfig`, and of the body.
+
+        Returns
+        -------
+        In gray levels of that.
+        """
+        painted, parallel, offsets = self._photometry.painted, self._photometry.parallel, self._offsets(state)
+        options = replace(self._options, representation=representation)
+        return agreement_of(painted, self._rig, self._images, state, options, parallel, offsets)
 
     def _offsets(self, state: State) -> Offsets | None:
         return None if self._delays is None else self._delays.offsets(state)

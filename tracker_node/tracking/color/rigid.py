@@ -52,7 +52,8 @@ class RigidScores(ColorScores):
         self.score = ColorObjective(model, rig, ColorOptions(*what, gained=config.fit_gain), workers=workers)
         options = PhotometricOptions(*what, levels=config.levels, gained=config.fit_gain)
         self.pyramid = PhotometricObjective(model, rig, options, workers=workers)
-        self.covered = ColorObjective(model, rig, ColorOptions(*what, cap=_ANY_CAP), workers=workers)
+        self.told_by = "raw" if config.representation == "raw" else "normalized"
+        self.covered = ColorObjective(model, rig, ColorOptions(self.told_by, 1.0, cap=_ANY_CAP), workers=workers)
         self.blind = True
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
@@ -112,7 +113,7 @@ class ColorModes(Modes[Posed]):
         if first and n <= FEW_CAMERAS:
             if self._modality.agreement(start).median < self._degraded:
                 self._modality.relight(fit.state)
-            self._own = np.minimum(*(self._modality.agreement(state).camera_rms ** 2 for state in (fit.state, start)))
+            self._own = np.minimum(self._squares(fit.state), self._squares(start))
         coverage = self._coverage(start, n)
         if n > FEW_CAMERAS:
             return replace(fit, modes=self._flat(fit, coverage))
@@ -134,13 +135,17 @@ class ColorModes(Modes[Posed]):
             there = OptimizerResult(found[best].state, level.linearize(found[best].state), fit.iterations, fit.evaluations, True)
             fit = ended(there, level)
         if first:
-            self._own = self._modality.agreement(fit.state).camera_rms ** 2
+            self._own = self._squares(fit.state)
         flat, tangents = self._flat(fit, coverage), self.follow(fit.state, modes)
         return replace(fit, modes=flat if tangents is None else np.hstack([tangents, flat]))
 
+    def _squares(self, state: State) -> np.ndarray:
+        """(n_cameras,) mean squared difference of a channel."""
+        return self._modality.agreement_by(self._scores.told_by, state).camera_rms ** 2
+
     def _coverage(self, start: State, n_cameras: int) -> ColorCoverage:
         """By how far the body's colors, at first, and those around it, where it is expected, are from those of the model."""
-        seen = self._modality.agreement(start)
+        seen = self._modality.agreement_by(self._scores.told_by, start)
         pixels = seen.pixels.sum(axis=1)
         around = np.maximum(seen.chance.sum(axis=1) / np.maximum(3.0 * pixels, 1.0), (_LEAST_LEVELS * _LEAST_CONTRAST) ** 2)
         self._own = np.where(self._own > 0.0, self._own, seen.camera_rms**2)
