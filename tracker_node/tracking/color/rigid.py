@@ -6,8 +6,8 @@ walks away from it. Where few cameras see a body, it is compared with poses besi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from ...optimize.fitter import Fit
 from ...optimize.levenberg_marquardt import OptimizerResult
 from ...optimize.robust_fit import RobustFitOptions, align_robustly
 from ...optimize.robust_start import RobustStartOptions
+from ...optimize.score_objective import ScoreObjective
 from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
 from ...parallel import Workers
 from ..assessment import inverse_covariance
@@ -40,7 +41,7 @@ _POLISH = SimplexOptions((SimplexStage(0.004, np.radians(1.5), 0.4, _ROW_STEP, 1
 _POLISHED, _FIRST_POLISHED = 2, 6  # starts, of an image set
 _SHARES = (0.06, 0.1, 0.2)  # of a difference in coverage that counts, by cameras: light that nobody knows changes whole sides
 _TAKEN = 3.0  # log odds of another pose against the fit
-_MOVED = 0.1  # of the size, standard deviation of how far a body is from where it is expected
+_MOVED, _FIRST_MOVED = 0.05, 0.2  # of the size, standard deviation of how far a body is from where it is expected
 _WIDTHS = np.array([2.0, 4.0, 8.0, 16.0])  # standard deviations of a direction, at which it is asked how far it is flat
 
 
@@ -68,6 +69,23 @@ class RigidScores(ColorScores):
         self.score.set_images(images)
         self.pyramid.set_images(images)
         self.covered.set_images(images)
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """A score, and what it costs a state to be far from where the body is expected (`ScoreObjective`)."""
+
+    objective: ScoreObjective
+    cost: Callable[[State], float]
+
+    def score(self, state: State) -> float:
+        return float(self.scores([state])[0])
+
+    def scores(self, states: Sequence[State]) -> np.ndarray:
+        return self.objective.scores(states) + np.array([self.cost(state) for state in states])
+
+    def at_row_step(self, row_step: int) -> _Near:
+        return _Near(self.objective.at_row_step(row_step), self.cost)
 
 
 class ColorModes(Modes[Posed]):
@@ -117,14 +135,15 @@ class ColorModes(Modes[Posed]):
         coverage = self._coverage(start, n)
         if n > FEW_CAMERAS:
             return replace(fit, modes=self._flat(fit, coverage))
+        sigma = (_FIRST_MOVED if first else _MOVED) * self._size
+        if self._modality.agreement(start).median <= self._degraded:
+            sigma = np.inf  # it may be anywhere
+        score = _Near(coverage, lambda state: 0.5 * self._unit * (self.moved(start, state.difference(start)) / sigma) ** 2)
         starts = [start, *self.followed(fit.state), *self.starts(fit.state), *(self.starts(start) if first else ())]
-        order = np.argsort(coverage.at_row_step(_ROW_STEP).scores(starts), kind="stable")
+        order = np.argsort(score.at_row_step(_ROW_STEP).scores(starts), kind="stable")
         chosen = [starts[i] for i in order[: _FIRST_POLISHED if first else _POLISHED]]
-        found: list[Posed] = [fit, *(search_simplex(coverage, each, self._model.chain, _POLISH) for each in chosen)]
-        scores = coverage.scores([each.state for each in found])
-        if self._modality.agreement(start).median > self._degraded:  # else it may be anywhere
-            moved = np.array([self.moved(start, each.state.difference(start)) for each in found])
-            scores += 0.5 * self._unit * (moved / (_MOVED * self._size)) ** 2
+        found: list[Posed] = [fit, *(search_simplex(score, each, self._model.chain, _POLISH) for each in chosen)]
+        scores = score.scores([each.state for each in found])
         best = int(np.argmin(scores))
         if scores[0] - scores[best] < _TAKEN * self._unit:
             best = 0
