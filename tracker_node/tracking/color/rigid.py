@@ -1,7 +1,9 @@
 """A rigid body by its colors: alignment over the moving mask, hypotheses where its score is too near to chance, and modes.
 
 The mean over the mask does not tell a body from one that hides within its own color: a thing of one color, that one camera sees,
-walks away from it. Where few cameras see a body, it is compared with poses beside it by what they cover (`ColorCoverage`).
+walks away. Where few cameras see a body, it is compared with poses beside it by what they cover (`ColorCoverage`), in colors over
+intensity: light that nobody knows, and the side that it comes from, tell nothing of these. What covers as much is a mode of the
+covariance, and directions in which coverage is flat make it wider; of things of one color whatever the number of cameras.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ _LEAST_LEVELS, _LEAST_CONTRAST = 3.0, 3.0  # gray levels of a body's own colors;
 _ROW_STEP = 2
 _POLISH = SimplexOptions((SimplexStage(0.004, np.radians(1.5), 0.4, _ROW_STEP, 12),))
 _POLISHED, _FIRST_POLISHED = 2, 6  # starts, of an image set
-_SHARES = (0.06, 0.1, 0.2)  # of a difference in coverage that counts, by cameras: light that nobody knows changes whole sides
+_SHARES = (0.06, 0.1, 0.2)  # of a difference in coverage that counts, by cameras: its errors are whole sides, not single pixels
 _TAKEN = 3.0  # log odds of another pose against the fit
 _MOVED, _FIRST_MOVED = 0.05, 0.2  # of the size, standard deviation of how far a body is from where it is expected
 _WIDTHS = np.array([2.0, 4.0, 8.0, 16.0])  # standard deviations of a direction, at which it is asked how far it is flat
@@ -53,8 +55,8 @@ class RigidScores(ColorScores):
         self.score = ColorObjective(model, rig, ColorOptions(*what, gained=config.fit_gain), workers=workers)
         options = PhotometricOptions(*what, levels=config.levels, gained=config.fit_gain)
         self.pyramid = PhotometricObjective(model, rig, options, workers=workers)
-        self.told_by = "raw" if config.representation == "raw" else "normalized"
-        self.covered = ColorObjective(model, rig, ColorOptions(self.told_by, 1.0, cap=_ANY_CAP), workers=workers)
+        self.representation = "raw" if config.representation == "raw" else "normalized"
+        self.covered = ColorObjective(model, rig, ColorOptions(self.representation, 1.0, cap=_ANY_CAP), workers=workers)
         self.blind = True
 
     def set_colors(self, learned: np.ndarray | None, rgb: np.ndarray) -> None:
@@ -125,16 +127,22 @@ class ColorModes(Modes[Posed]):
         if first:
             self.reset()
         n = int((self._modality.agreement(start).pixels.sum(axis=1) >= LEAST_CAMERA).sum())
-        if n == 0 or (n > FEW_CAMERAS and not self._plain):
+        few = n <= FEW_CAMERAS
+        if n == 0 or not (few or self._plain):
             self._followed = []
             return fit
-        if first and n <= FEW_CAMERAS:
+        if first and few:
             if self._modality.agreement(start).median < self._degraded:
                 self._modality.relight(fit.state)
             self._own = np.minimum(self._squares(fit.state), self._squares(start))
-        coverage = self._coverage(start, n)
-        if n > FEW_CAMERAS:
-            return replace(fit, modes=self._flat(fit, coverage))
+        coverage, tangents = self._coverage(start, n), None
+        if few:
+            fit, tangents = self._compared(fit, start, coverage, first)
+        flat = self._flat(fit, coverage)
+        return replace(fit, modes=flat if tangents is None else np.hstack([tangents, flat]))
+
+    def _compared(self, fit: Fit, start: State, coverage: ColorCoverage, first: bool) -> tuple[Fit, np.ndarray | None]:
+        """The fit, or what is clearly better, and the tangents to the modes beside it, (n_dof, n_modes)."""
         sigma = (_FIRST_MOVED if first else _MOVED) * self._size
         if self._modality.agreement(start).median <= self._degraded:
             sigma = np.inf  # it may be anywhere
@@ -150,21 +158,19 @@ class ColorModes(Modes[Posed]):
         odds = (scores[best] - scores) / self._unit
         modes = self.beside(found[best], [(found[i], odds[i]) for i in range(len(found)) if i != best])
         if best:
-            level = self._scores.pyramid.at_level(0)
-            there = OptimizerResult(found[best].state, level.linearize(found[best].state), fit.iterations, fit.evaluations, True)
-            fit = ended(there, level)
+            state, level = found[best].state, self._scores.pyramid.at_level(0)
+            fit = ended(OptimizerResult(state, level.linearize(state), fit.iterations, fit.evaluations, True), level)
         if first:
             self._own = self._squares(fit.state)
-        flat, tangents = self._flat(fit, coverage), self.follow(fit.state, modes)
-        return replace(fit, modes=flat if tangents is None else np.hstack([tangents, flat]))
+        return fit, self.follow(fit.state, modes)
 
     def _squares(self, state: State) -> np.ndarray:
         """(n_cameras,) mean squared difference of a channel."""
-        return self._modality.agreement_by(self._scores.told_by, state).camera_rms ** 2
+        return self._modality.agreement_by(self._scores.representation, state).camera_rms ** 2
 
     def _coverage(self, start: State, n_cameras: int) -> ColorCoverage:
         """By how far the body's colors, at first, and those around it, where it is expected, are from those of the model."""
-        seen = self._modality.agreement_by(self._scores.told_by, start)
+        seen = self._modality.agreement_by(self._scores.representation, start)
         pixels = seen.pixels.sum(axis=1)
         around = np.maximum(seen.chance.sum(axis=1) / np.maximum(3.0 * pixels, 1.0), (_LEAST_LEVELS * _LEAST_CONTRAST) ** 2)
         self._own = np.where(self._own > 0.0, self._own, seen.camera_rms**2)
