@@ -98,6 +98,15 @@ def test_many_cameras_know_a_box_of_one_color_less_well_than_one_of_several():
     assert np.trace(one.covariance[3:6, 3:6]) > 2.0 * np.trace(many.covariance[3:6, 3:6])
 
 
+def test_before_walls_of_its_own_hue_a_gray_box_is_not_compared_by_that():
+    gray, rig = rigid((0.2, 0.12, 0.08), color=(120, 120, 120)), small_rig()
+    (one,) = image_sets(rig, gray, [resting(gray)])
+    walls = np.repeat(one.images[0].pixels.mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8)
+    tracker = Tracker(rig, gray, COLORS, None, resting(gray))
+    estimate = tracker.step(replace(one, images=(replace(one.images[0], pixels=walls),)))
+    assert estimate.second_order is None
+
+
 @dataclass(frozen=True)
 class Found:
     state: State

@@ -136,6 +136,9 @@ class ColorModes(Modes[Posed]):
                 self._modality.relight(fit.state)
             self._own = np.minimum(self._squares(fit.state), self._squares(start))
         coverage, tangents = self._coverage(start, n), None
+        if coverage is None:
+            self._followed = []
+            return fit
         if few:
             fit, tangents = self._compared(fit, start, coverage, first)
         flat = self._flat(fit, coverage)
@@ -168,12 +171,18 @@ class ColorModes(Modes[Posed]):
         """(n_cameras,) mean squared difference of a channel."""
         return self._modality.agreement_by(self._scores.representation, state).camera_rms ** 2
 
-    def _coverage(self, start: State, n_cameras: int) -> ColorCoverage:
-        """By how far the body's colors, at first, and those around it, where it is expected, are from those of the model."""
+    def _coverage(self, start: State, n_cameras: int) -> ColorCoverage | None:
+        """By how far the body's colors, at first, and those around it, where it is expected, are from those of the model.
+
+        None where these hardly differ, as of gray things before gray walls.
+        """
         seen = self._modality.agreement_by(self._scores.representation, start)
         pixels = seen.pixels.sum(axis=1)
-        around = np.maximum(seen.chance.sum(axis=1) / np.maximum(3.0 * pixels, 1.0), (_LEAST_LEVELS * _LEAST_CONTRAST) ** 2)
+        around = seen.chance.sum(axis=1) / np.maximum(3.0 * pixels, 1.0)
         self._own = np.where(self._own > 0.0, self._own, seen.camera_rms**2)
+        if (around < (_LEAST_CONTRAST * _LEAST_LEVELS) ** 2).all():
+            return None
+        around = np.maximum(around, (_LEAST_CONTRAST * _LEAST_LEVELS) ** 2)
         own = np.clip(self._own, _LEAST_LEVELS**2, around / _LEAST_CONTRAST**2)
         self._unit = 2.0 * float(own.mean()) * self._correlation / _SHARES[min(n_cameras, len(_SHARES)) - 1]
         # Two normal distributions of three channels are equal there

@@ -380,27 +380,42 @@ class Modes(Generic[F]):
         return float(np.linalg.norm(shift) + 0.5 * self._size * np.linalg.norm(tangent[3:6]))
 
 
-def point_sigma(model: ArticulatedModel, size: float, state: State, covariance: np.ndarray, by_texture: bool = False) -> float:
-    """How well the points of a rigid body are known, but for a turn about an axis of revolution.
+def turn_sigma(model: ArticulatedModel, state: State, covariance: np.ndarray, by_texture: bool = False) -> float:
+    """How well the turn of a body is known, but for one about an axis of revolution.
 
     Parameters
     ----------
-    model, size : body and its size, meters.
+    model : the body.
     state, covariance : of it, and (n_dof, n_dof) in its tangent.
     by_texture : of `symmetry_of`.
 
     Returns
     -------
-    Standard deviation of the least known point, about, meters.
+    Standard deviation about the least known axis, radians.
     """
     told = np.eye(3)
     for spin in symmetry_of(model, by_texture).spins(configured(model, state)):
         axis = spin[3:6] / np.linalg.norm(spin[3:6])
         told -= np.outer(axis, axis)
+    return float(np.sqrt(max(np.linalg.eigvalsh(told @ covariance[3:6, 3:6] @ told)[-1], 0.0)))
+
+
+def point_sigma(model: ArticulatedModel, size: float, state: State, covariance: np.ndarray, by_texture: bool = False) -> float:
+    """How well the points of a rigid body are known.
+
+    Parameters
+    ----------
+    model, size : body and its size, meters.
+    state, covariance, by_texture : of `turn_sigma`.
+
+    Returns
+    -------
+    Standard deviation of the least known point, about, meters.
+    """
     lever = _middle(model, state) - state.T_world_root[:3, 3]
     J = np.hstack([np.eye(3), -so3.hat(lever)])
-    turn = np.linalg.eigvalsh(told @ covariance[3:6, 3:6] @ told)[-1]
-    return float(np.sqrt(np.linalg.eigvalsh(J @ covariance[:6, :6] @ J.T)[-1] + 0.25 * size**2 * max(turn, 0.0)))
+    middle = float(np.linalg.eigvalsh(J @ covariance[:6, :6] @ J.T)[-1])
+    return float(np.sqrt(middle + (0.5 * size * turn_sigma(model, state, covariance, by_texture)) ** 2))
 
 
 def _without(tangent: np.ndarray, spins: list[np.ndarray]) -> np.ndarray:
