@@ -72,12 +72,15 @@ class Fit(OptimizerResult):
     objective : what the last stage has minimized: all correspondences, constraints and priors.
     comparison : the cameras' own equations beside those of all; None where no stage has compared them.
     jumped : found by a search, far from where it was expected.
+    modes : (n_dof, n_modes) tangents to other states that explain the images as well, each times the root of its probability;
+        None: there are none.
     """
 
     correspondences: Correspondences
     objective: SumObjective
     comparison: Comparison | None = None
     jumped: bool = False
+    modes: np.ndarray | None = None
 
 
 def at_state(fit: Fit, state: State) -> Fit:

@@ -138,7 +138,7 @@ def _color_engine(rig: CameraRig, model: ArticulatedModel, config: TrackerConfig
     elif model.chain.n_axes == 0:
         rigid = RigidScores(model, rig, color, workers)
         modality = ColorModality(rig, model, color, options, workers.map, rigid, fit_gain=color.fit_gain)
-        search = RigidSearch(model, color, modality, rigid)
+        search = RigidSearch(model, rig, color, modality, rigid)
     else:
         modality = ColorModality(rig, model, color, options, workers.map, fit_gain=color.fit_gain)
         search = AlignmentSearch(model, color, modality)

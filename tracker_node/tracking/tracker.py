@@ -39,7 +39,7 @@ from .keypoints.late import LatePoints, PastSet
 from .modality import Images, PeopleSeen
 from .motion.model import ExposureDelays, MotionModel, Prediction
 from .uncertainty.covariance import ImageEvidence, fit_covariance, limits_information, without_direction
-from .uncertainty.symmetry import Symmetry, symmetry_of
+from .uncertainty.modes import Symmetry, symmetry_of
 
 _LOST_SETS = 2  # image sets in which a body was LOST, after which a detector's points say where it is
 _HELD_SETS = 5  # that a body was not LOST, for what was learned from it to be the body's...

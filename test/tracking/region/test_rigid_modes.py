@@ -13,8 +13,9 @@ from tracker_node.model.shapes.primitives import Box
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.limbs.tree import thing_size
-from tracker_node.tracking.region.rigid_modes import ANGLES, Misfit, shifted, tilted
+from tracker_node.tracking.region.rigid_modes import Misfit
 from tracker_node.tracking.tracker import Tracker
+from tracker_node.tracking.uncertainty.modes import TILTS, shifted, tilted
 
 
 def test_tilts_keep_the_middle_and_turn_about_axes_across_the_sight():
@@ -33,7 +34,7 @@ def test_tilts_keep_the_middle_and_turn_about_axes_across_the_sight():
         assert np.allclose(middle(other), middle(state), atol=1e-12)
         turn = so3.log(other.T_world_root[:3, :3] @ state.T_world_root[:3, :3].T)
         assert abs(turn @ sight) < 1e-9
-        assert min(abs(np.linalg.norm(turn) - angle) for angle in ANGLES) < 1e-9
+        assert min(abs(np.linalg.norm(turn) - angle) for angle in TILTS) < 1e-9
         turns.append(turn)
     assert np.linalg.norm(np.sum(turns, axis=0)) < 1e-9  # to all sides alike
 
@@ -44,7 +45,7 @@ def test_shifts_are_along_the_axes_of_the_nearest_camera_and_grow_with_the_body(
     state = State.neutral(model, se3.exp(np.array([0.2, -0.1, 1.0, 0.3, 0.5, -0.4])))
     rig = circle_rig(3)
     nearest = min(rig, key=lambda camera: np.linalg.norm(camera.center - state.T_world_root[:3, 3]))
-    moves = np.array([other.difference(state) for other in shifted(model, rig, state)])
+    moves = np.array([other.difference(state) for other in shifted(model, rig, state, thing_size(model))])
     assert np.allclose(moves[:, 3:], 0.0) and np.allclose(moves.sum(axis=0), 0.0, atol=1e-12)
     by_axis = moves[:, :3] @ nearest.T_cam_world[:3, :3].T
     assert np.allclose(np.sort(np.abs(by_axis), axis=1), np.tile([0.0, 0.0, 0.12 * thing_size(model)], (6, 1)), atol=1e-12)

@@ -14,7 +14,7 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
 from tracker_node.tracking.uncertainty.covariance import without_direction
-from tracker_node.tracking.uncertainty.symmetry import symmetry_of
+from tracker_node.tracking.uncertainty.modes import symmetry_of
 
 RED, GREEN = (200, 30, 30), (30, 200, 30)
 CYLINDER = TruncatedCone(0.05, 0.05, 0.0, -0.1, 0.1)

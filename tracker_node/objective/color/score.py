@@ -181,6 +181,13 @@ class ColorObjective:
             self._steps[row_step].set_images(self._images)
         return self._steps[row_step]
 
+    def set_cap(self, cap: float) -> None:
+        """Another cap, of an objective that has one."""
+        self.options = replace(self.options, cap=cap)
+        self._what[1][2] = 3.0 * cap**2
+        for objective in self._steps.values():
+            objective.set_cap(cap)
+
     def _fill(self, state: State) -> None:
         """Planar pixels are made when they are first asked for, of each camera in the one way that is needed.
 
@@ -289,3 +296,34 @@ class ColorObjective:
         result = np.full(len(states), math.inf)
         result[valid] = np.sqrt(squares[valid] / (3.0 * pixels[valid]))
         return result
+
+
+class ColorCoverage:
+    """How much of what a body's mask covers is the body (`ScoreObjective`), in gray levels squared, below zero.
+
+    A pixel whose colors differ less than is probable of surroundings counts for the body, any other as much against it at most:
+    where a mean over the mask is as good for a body that hides within its own color, this is best where all of that is covered.
+
+    Parameters
+    ----------
+    objective : with a cap, which is set.
+    least : (n_cameras,) squared difference of a pixel, sum over its channels, that is as probable of either.
+    """
+
+    def __init__(self, objective: ColorObjective, least: np.ndarray):
+        objective.set_cap(math.sqrt(2.0 * float(least.mean()) / 3.0))
+        self._objective, self._least = objective, least
+
+    def score(self, state: State) -> float:
+        """Of one state."""
+        return float(self.scores([state])[0])
+
+    def scores(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) of `score`; infinite behind a camera."""
+        totals = self._objective._totals(states)
+        squares = (totals[:, :, 0] - self._least * totals[:, :, 1]).sum(axis=1) * self._objective.options.row_step
+        return np.where((totals[:, :, 2] == kernel.BEHIND).any(axis=1), math.inf, squares)
+
+    def at_row_step(self, row_step: int) -> ColorCoverage:
+        """On every n-th row."""
+        return ColorCoverage(self._objective.at_row_step(row_step), self._least)

@@ -26,7 +26,7 @@ _RING_PX = 24  # width of what is taken for the surroundings
 _STEP = 2  # every second pixel is enough
 _LEAST_PART = 200  # pixels of a part, over all cameras, below which nothing is said of it
 _PLAIN = 0.5  # a part whose difference from the surroundings is below this fraction of the whole body's is not distinct from them
-_LEAST_CAMERA = 50
+LEAST_CAMERA = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class ColorAgreement:
     @property
     def cameras(self) -> np.ndarray:
         """(n_cameras,), nan where a camera shows too little."""
-        return _share(self.squares.sum(axis=1), self.chance.sum(axis=1), self.pixels.sum(axis=1) >= _LEAST_CAMERA)
+        return _share(self.squares.sum(axis=1), self.chance.sum(axis=1), self.pixels.sum(axis=1) >= LEAST_CAMERA)
 
     @property
     def parts(self) -> np.ndarray:

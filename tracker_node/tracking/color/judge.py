@@ -23,12 +23,14 @@ from ..assessment import Assessment, Report, assess_cameras, camera_reports, inv
 from ..config import ColorOverBackgroundConfig
 from ..engine import Judge
 from ..estimate import LimbReport, LimbStatus, Status
-from ..limbs.tree import limbs_of
+from ..limbs.tree import limbs_of, thing_size
 from ..uncertainty.covariance import ImageEvidence, fit_covariance, limits_information
+from ..uncertainty.modes import point_sigma
 from .agreement import ColorAgreement
 from .modality import ColorModality
 
 _NOISE = 0.1  # agreement that a body has anywhere
+_KNOWN = 0.024  # standard deviation of the points of a body, of its size, beyond which few cameras do not tell where it is
 
 MEASURES = ("agreement of the body in its median camera", "agreement of the limb", "agreement of its worst part")
 COEFFICIENTS = np.array([4.8, -2.0, -3.5, -3.8])  # log odds of lost: the constant, and what each measure adds
@@ -181,6 +183,11 @@ class ColorJudge(Judge):
             return found
         found = with_limbs(found, self.limbs.reports(agreement))
         self._reports = found.limbs
+        if found.status is Status.TRACKING and fit.modes is not None:
+            size = thing_size(self._model)
+            sigma_m = point_sigma(self._model, size, fit.state, self._covariance(fit, agreement)[0], by_texture=True)
+            if sigma_m > _KNOWN * size:
+                found = replace(found, status=Status.DEGRADED, reason=f"{found.limbs[0].name} is known to {1e3 * sigma_m:.0f} mm")
         return found
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
@@ -188,11 +195,18 @@ class ColorJudge(Judge):
         agreement = self._modality.agreement(fit.state)
         pixels = [own.sum() for own in agreement.pixels]
         cameras = camera_reports(self._rig, image_set, agreement.camera_rms, pixels)
-        variance, points = self._modality.variance(fit.state), fit.correspondences
         if self.limbs is None or not self._reports:
-            return Report(cameras, agreement.rms, inverse_covariance(fit.equations.H, variance))
-        # Priors hold the fit near the prediction, which errs as the images do
-        second_order = None
+            return Report(cameras, agreement.rms, inverse_covariance(fit.equations.H, self._modality.variance(fit.state)))
+        covariance, second_order = self._covariance(fit, agreement)
+        return Report(cameras, agreement.rms, covariance, second_order=second_order)
+
+    def _covariance(self, fit: Fit, agreement: ColorAgreement) -> tuple[np.ndarray, np.ndarray | None]:
+        """(n_dof, n_dof) of a fit, and what of it is of second order or beside it, (n_dof, n_dof).
+
+        Priors hold the fit near the prediction, which errs as the images do: they do not count.
+        """
+        assert self.limbs is not None
+        variance, points, second_order = self._modality.variance(fit.state), fit.correspondences, None
         if not self.limbs.jointed:
             covariance = inverse_covariance(points.linearize(fit.state).H, variance)
         else:
@@ -201,7 +215,10 @@ class ColorJudge(Judge):
             covariance, second_order = self.limbs.covariance(normal, variance, agreement, self._reports, body)
         shift = _common_shift(self._rig, fit.state.T_world_root[:3, 3])
         covariance[:3, :3] += shift @ shift.T
-        return Report(cameras, agreement.rms, covariance, second_order=second_order)
+        if fit.modes is not None:
+            second_order = fit.modes @ fit.modes.T
+            covariance += second_order
+        return covariance, second_order
 
 
 def _common_shift(rig: CameraRig, place: np.ndarray) -> np.ndarray:

@@ -128,8 +128,18 @@ class ColorModality(Modality):
         self, images: Images, expected: State | None, delays: ExposureDelays | None = None, persons: Persons = ()
     ) -> None:
         """Blur and halve the images around the expected body."""
-        self._images = [None] * len(self._rig) if expected is None else list(map(_lit, images, self._gains))
-        self._agreement, self._delays = None, delays
+        self._delays = delays
+        self._show([None] * len(self._rig) if expected is None else list(map(_lit, images, self._gains)), expected)
+
+    def relight(self, state: State) -> None:
+        """Find the gains of a first image set anew, where the body is in ``state`` rather than where it was said to be."""
+        if self._fits_gain:
+            gains = self._photometry.gains(self._images, state)
+            self._gains = self._gains * gains
+            self._show(list(map(_lit, self._images, gains)), state)
+
+    def _show(self, images: Images, expected: State | None) -> None:
+        self._images, self._agreement = images, None
         around = State.neutral(self._model) if expected is None else expected
         self._photometry.set_images(self._images, around, self._config.reach_px, self._offsets(around))
         if self._scores is not None:
@@ -142,10 +152,23 @@ class ColorModality(Modality):
     def agreement(self, state: State) -> ColorAgreement:
         """How far the colors agree in the present images; that of the last state is kept."""
         if self._agreement is None or self._agreement[0] is not state:
-            painted, parallel, offsets = self._photometry.painted, self._photometry.parallel, self._offsets(state)
-            found = agreement_of(painted, self._rig, self._images, state, self._options, parallel, offsets)
-            self._agreement = state, found
+            self._agreement = state, self.agreement_by(self._options.representation, state)
         return self._agreement[1]
+
+    def agreement_by(self, representation: str, state: State) -> ColorAgreement:
+        """How far the colors agree in the present images by another representation.
+
+        Parameters
+        ----------
+        representation, state : of `ColorConfig`, and of the body.
+
+        Returns
+        -------
+        In gray levels of that.
+        """
+        painted, parallel, offsets = self._photometry.painted, self._photometry.parallel, self._offsets(state)
+        options = replace(self._options, representation=representation)
+        return agreement_of(painted, self._rig, self._images, state, options, parallel, offsets)
 
     def _offsets(self, state: State) -> Offsets | None:
         return None if self._delays is None else self._delays.offsets(state)
@@ -197,14 +220,14 @@ def check_colors(model: ArticulatedModel) -> None:
     ModelError : when all shapes have the color that files get which state none.
     """
     default = Shape.__dataclass_fields__["color_rgb"].default
-    if all(shape.color_rgb == default and not _is_pictured(shape) for shape in model.shapes):
+    if all(shape.color_rgb == default and not is_pictured(shape) for shape in model.shapes):
         raise ModelError(
             f"model '{model.name}' has no colors: expected color_rgb of its shapes, or the parameter color.learn_colors, for an"
             " engine that goes by colors"
         )
 
 
-def _is_pictured(shape: Shape) -> bool:
+def is_pictured(shape: Shape) -> bool:
     """Whether the shape has more colors than one."""
     primitive = shape.primitive
     if isinstance(primitive, Box):

@@ -44,12 +44,10 @@ class LineFit(Fit):
     ----------
     correspondences : the lines last drawn, at the state before the last step.
     model_sigma_px : standard deviation of contours beyond what their lines say, by this fit and those before.
-    modes : (n_dof, n_modes) tangents to other poses that explain the images as well, each times the root of its probability.
     """
 
     correspondences: LineCorrespondences
     model_sigma_px: float = field(default=0.0, kw_only=True)
-    modes: np.ndarray | None = field(default=None, kw_only=True)
 
 
 class RegionFitting:

@@ -31,7 +31,7 @@ from ..estimate import Status
 from ..keypoints.evidence import lost_odds
 from ..limbs.judge import LimbJudge, body_status, is_noise
 from ..uncertainty.covariance import ImageEvidence, fit_covariance
-from ..uncertainty.symmetry import symmetry_of
+from ..uncertainty.modes import turn_sigma
 from .fitting import LineFit, RegionFitting
 
 _LEAST_OUTLINE = 10  # samples of the outline that a camera should see, to be asked
@@ -89,7 +89,7 @@ class RegionJudge(Judge):
         status, reason = body_status(reports)
         doubt, doubt_rad = self.limbs.doubt(evidence, fit.state, covariance), 0.0
         if len(reports) == 1 and (doubt or status is not Status.TRACKING):  # a camera without an image is no doubt
-            doubt_rad = max(self._turn_sigma(fit.state, covariance), _LEAST_DOUBT_RAD)
+            doubt_rad = max(turn_sigma(self._model, fit.state, covariance), _LEAST_DOUBT_RAD)
         if status is Status.TRACKING:
             status, reason = self._status_of_cameras(evidence, image_set, fit.correspondences.active)
         if status is Status.TRACKING and doubt:
@@ -99,14 +99,6 @@ class RegionJudge(Judge):
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
             log_ratio=_log_ratio(evidence), support=_support(evidence), doubt_rad=doubt_rad,
         )  # fmt: skip
-
-    def _turn_sigma(self, state: State, covariance: np.ndarray) -> float:
-        """How well the turn of the body is known, radians, but for one about an axis of revolution."""
-        told = np.eye(3)
-        for spin in symmetry_of(self._model).spins(configured(self._model, state)):
-            axis = spin[3:6] / np.linalg.norm(spin[3:6])
-            told -= np.outer(axis, axis)
-        return float(np.sqrt(max(np.linalg.eigvalsh(told @ covariance[3:6, 3:6] @ told)[-1], 0.0)))
 
     def _is_common(self, shapes: np.ndarray) -> bool:
         """Whether what surrounds the body has the colors of a limb."""
