@@ -23,6 +23,7 @@ from ..assessment import Assessment, Report, assess_cameras, camera_reports, inv
 from ..config import ColorOverBackgroundConfig
 from ..engine import Judge
 from ..estimate import LimbReport, LimbStatus, Status
+from ..limbs.judge import KNOWN_OF_THING
 from ..limbs.tree import limbs_of, thing_size
 from ..uncertainty.covariance import ImageEvidence, fit_covariance, limits_information
 from ..uncertainty.modes import point_sigma
@@ -30,7 +31,6 @@ from .agreement import ColorAgreement
 from .modality import ColorModality
 
 _NOISE = 0.1  # agreement that a body has anywhere
-_KNOWN = 0.024  # standard deviation of the points of a body, of its size, beyond which few cameras do not tell where it is
 
 MEASURES = ("agreement of the body in its median camera", "agreement of the limb", "agreement of its worst part")
 COEFFICIENTS = np.array([4.8, -2.0, -3.5, -3.8])  # log odds of lost: the constant, and what each measure adds
@@ -186,7 +186,7 @@ class ColorJudge(Judge):
         if found.status is Status.TRACKING and fit.modes is not None:
             size = thing_size(self._model)
             sigma_m = point_sigma(self._model, size, fit.state, self._covariance(fit, agreement)[0], by_texture=True)
-            if sigma_m > _KNOWN * size:
+            if sigma_m > KNOWN_OF_THING * size:
                 found = replace(found, status=Status.DEGRADED, reason=f"{found.limbs[0].name} is known to {1e3 * sigma_m:.0f} mm")
         return found
 

@@ -36,7 +36,7 @@ _BESIDE = 1.0  # log odds by outlines that count at most where there is other ev
 _CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set, that a limb that is seen has
 _LEAST_LIMBS = 3  # that are seen, to say where the trunk is
 KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
-_KNOWN_OF_THING = 0.024  # the same of a body without limbs, of its size...
+KNOWN_OF_THING = 0.024  # the same of a body without limbs, of its size...
 _LEAST_OF_THING = 0.68  # ...of whose outline at least so much is found
 _OF_GUESSES = 0.1  # weight of what images say of a limb that they seem to know well, but points and outline do not confirm
 _SURE = 0.003  # probability of lost, of a limb that need not be looked for elsewhere...
@@ -169,7 +169,7 @@ class LimbJudge:
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
         self._tips = np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
-        self._known_m = _KNOWN_OF_THING * thing_size(model)
+        self._known_m = KNOWN_OF_THING * thing_size(model)
         self._sigmas_of: tuple[Any, Any, np.ndarray] = None, None, np.zeros(0)  # of which state and covariance, the last ones
         self.reset()
 

@@ -310,7 +310,17 @@ class Modes(Generic[F]):
         return [State(state.T_world_root @ T, state.joint_positions) for T in self._followed]
 
     def starts(self, state: State, n: int | None = None) -> list[State]:
-        """Starts beside a state: ``n``, others with every set; None: all."""
+        """Starts beside a state.
+
+        Parameters
+        ----------
+        state : of the body.
+        n : so many, others with every image set; None: all.
+
+        Returns
+        -------
+        Tilted and shifted states.
+        """
         whole = N_TILTS + N_SHIFTS
         which = list(range(whole)) if n is None else [(self._next + i * (whole // n)) % whole for i in range(n)]
         self._next += n is not None
