@@ -189,17 +189,18 @@ class Judge(Assesses, Protocol):
 
 
 class Choice(Finds, Claims, Protocol):
-    """Chooses who of the people in the images is the body.
-
-    Attributes
-    ----------
-    denied_sets : image sets in a row in which somebody was seen, and nobody was the body.
-    """
-
-    denied_sets: int
+    """Chooses who of the people in the images is the body."""
 
     def reset(self) -> None:
         """Forget everything."""
+        ...
+
+    def restart(self) -> None:
+        """A state has been handed over."""
+        ...
+
+    def denied_sets(self, stamp_ns: int) -> int:
+        """Image sets in a row, until the present one of this stamp, in which somebody was seen, and nobody was the body."""
         ...
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
@@ -358,6 +359,8 @@ class Engine(AnyEngine):
         What a tracked body has taught is kept.
         """
         self.judge.restart()
+        if self.choice is not None:
+            self.choice.restart()
         if self.solver.restart():
             return start
         self._weights = None
@@ -417,8 +420,8 @@ class Engine(AnyEngine):
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
         """Assess a fit by the engine's judge; the solver remembers it."""
         assessment = self.judge.assess(fit, image_set)
-        if self.choice is not None and self.choice.denied_sets >= _DENIED_SETS and assessment.status is not Status.LOST:
-            assessment = replace(assessment, status=Status.LOST, reason="people are seen, but nobody where the body is")
+        if self.choice is not None and self.choice.denied_sets(image_set.stamp_ns) >= _DENIED_SETS:
+            assessment = _denied(assessment)
         self._weights = assessment.part_weights
         self.solver.remember(fit, assessment)
         return assessment
@@ -444,6 +447,18 @@ class InformationOf(Protocol):
     def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
         """Correspondences at ``state`` without priors, and their unit in units of information."""
         ...
+
+
+def _denied(assessment: Assessment) -> Assessment:
+    """Of a body where people are seen, but nobody where it is."""
+    if assessment.status is Status.LOST:
+        return assessment
+    reason = "people are seen, but nobody where the body is"
+    limbs = tuple(
+        replace(limb, status=LimbStatus.DEGRADED, reason=reason) if limb.status is LimbStatus.TRACKING else limb
+        for limb in assessment.limbs
+    )
+    return replace(assessment, status=Status.LOST, reason=reason, limbs=limbs)
 
 
 class SequentialEngine(AnyEngine):

@@ -65,7 +65,7 @@ def test_a_body_wins_nothing_by_hiding_within_its_own_color(seen_by_one):
     behind = resting(BOX).retract(np.concatenate([-0.5 * rig.cameras[0].center, np.zeros(3)]))
     there, away = mean.scores([resting(BOX), behind])
     assert away < 1.1 * there
-    coverage = ColorCoverage(capped, np.array([3.0 * 12.0**2]))
+    coverage = ColorCoverage(capped, 3.0 * 12.0**2)
     there, away = coverage.scores([resting(BOX), behind])
     assert there < 1.5 * away < 0.0
     assert capped.options.cap == pytest.approx(12.0 * np.sqrt(2.0))
@@ -107,13 +107,27 @@ def test_before_walls_of_its_own_hue_a_gray_box_is_not_compared_by_that():
     assert estimate.second_order is None
 
 
+@pytest.mark.parametrize("place", ["looks away", "is before"])
+def test_a_camera_that_does_not_see_the_body_changes_nothing(place):
+    """It looks away from the body, or has it behind itself."""
+    rig = small_rig()
+    camera = rig.cameras[0]
+    T = camera.T_world_cam.copy()
+    T[:3, :3] = T[:3, :3] @ so3.exp(np.array([0.0, np.radians(120.0 if place == "looks away" else 180.0), 0.0]))
+    both = replace(rig, cameras=(camera, replace(camera, name="other", T_world_cam=T)))
+    start = displaced(resting(BOX), 3, 0.003, np.radians(1.0))
+    (alone,), (beside,) = (tracked(cameras, BOX, start, 1) for cameras in (rig, both))
+    assert np.isfinite(beside.covariance).all()
+    assert np.linalg.norm(beside.state.T_world_root[:3, 3] - alone.state.T_world_root[:3, 3]) < 0.02
+
+
 @dataclass(frozen=True)
 class Found:
     state: State
 
 
 def test_turns_that_no_image_tells_are_no_modes():
-    rig, modes = small_rig(), Modes(small_rig(), CROSS, 0.25, by_texture=True)
+    modes = Modes(small_rig(), CROSS, 0.25, by_texture=True)
     state = resting(CROSS)
     axes = TURN[:, 2] * np.pi / 2, (0.0, 0.4, 0.0)
     turned, tilted = (Found(state.retract(np.array([0.0, 0.0, 0.0, *axis]))) for axis in axes)
@@ -123,7 +137,9 @@ def test_turns_that_no_image_tells_are_no_modes():
     assert tangents[:, 0] == pytest.approx(found[0].tangent * np.sqrt(np.exp(-1.0) / (1.0 + np.exp(-1.0))))
     assert np.allclose(modes.followed(state)[0].T_world_root, tilted.state.T_world_root)
     assert modes.beside(Found(state), [(tilted, -7.0)]) == []
-    assert len(modes.starts(state)) == 18 and len(rig) == 1
+    assert len(modes.starts(state)) == 18
+    beside = Found(turned.state.retract(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    assert [mode.fit for mode in modes.beside(Found(state), [(beside, 0.0)])] == [beside]  # where nothing maps it to
 
 
 def test_points_are_known_as_well_as_the_middle_and_the_turn():

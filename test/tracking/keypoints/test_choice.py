@@ -123,14 +123,30 @@ def test_a_swap_that_came_unseen_is_over_soon_after_points_have_jumped_back():
     assert all(said[:6]) and all(said[-6:])
 
 
-def test_image_sets_are_counted_in_which_people_are_seen_but_not_the_body():
+def test_image_sets_are_counted_once_in_which_people_are_seen_but_not_the_body():
     made, elsewhere = choice(), seen_by(RIG, standing(2.0, 0.0, 0.0))
     for n in range(1, 4):
-        assert made.choose([(person,) for person in elsewhere], TRUE) == [None] * 3 and made.denied_sets == n
-    made.choose([(), (), ()], TRUE)
-    assert made.denied_sets == 3  # who sees nobody says nothing
-    made.choose([(true_people()[0],), (elsewhere[1],), ()], TRUE)
-    assert made.denied_sets == 0
+        assert made.choose([(person,) for person in elsewhere], TRUE) == [None] * 3
+        assert made.denied_sets(n) == made.denied_sets(n) == n
+    made.choose([(person,) for person in elsewhere], TRUE)
+    assert made.denied_sets(2) == 3  # gone through again
+    made.choose([None, None, None], TRUE)
+    assert made.denied_sets(4) == 3  # no detector has looked
+    for people in ([(), (), ()], [(true_people()[0],), (elsewhere[1],), ()]):
+        made.choose([(person,) for person in elsewhere], TRUE)
+        assert made.denied_sets(2**40) > 0
+        made.restart()
+        made.choose(people, TRUE)
+        assert made.denied_sets(9) == 0
+
+
+def test_a_camera_that_was_not_looked_at_keeps_what_is_known_of_its_sides():
+    rig = replace(RIG, cameras=RIG.cameras[:1])
+    made, person = choice(rig=rig), true_people()[0]
+    for people in [(person,)] * 60 + [None]:
+        made.choose([people], TRUE)
+    assert made.choose([(swapped(person),)], TRUE)[0] is not person
+    np.testing.assert_array_equal(made.choose([(swapped(person),)], TRUE)[0].pixels, person.pixels)
 
 
 def test_a_camera_that_swaps_goes_on_to_swap_for_a_while():

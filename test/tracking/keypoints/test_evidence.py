@@ -127,6 +127,9 @@ def test_an_end_of_which_one_camera_alone_is_sure_says_little_for_its_limb():
     by_one, by_two = odds([first, unsure(second), unsure(third)]), odds([first, second, unsure(third)])
     assert by_one[ARM] == -1.5 and by_two[ARM] < -2.0
     assert np.delete(by_one, ARM) == pytest.approx(np.delete(by_two, ARM))
+    hand = ("left_wrist", "left_index", "left_pinky", "left_thumb")
+    by_none = odds([without(person, hand) for person in (first, second, third)])
+    assert by_none[ARM] == -1.5  # an elbow does not tell where the hand is
 
 
 def test_a_limb_without_points_has_no_evidence():

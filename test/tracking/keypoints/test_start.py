@@ -75,6 +75,12 @@ def test_without_guesses_one_camera_takes_the_body_to_be_as_far_as_its_longest_p
     assert found is not None and off_across_m(found, true) < 0.03 and off_points_m(found, true).max() < 0.4
 
 
+def test_one_camera_without_any_length_to_go_by_says_nothing():
+    true = standing(0.2, 0.1, 0.3)
+    head = without(seen_by(ONE, true)[0], tuple(name for name in POINTS if name not in ("nose", "left_ear", "right_ear")))
+    assert starting(config(**EXACT), ONE).find([(head,)]) is None
+
+
 def test_one_of_several_cameras_waits_for_the_others_before_it_says_where_the_body_is():
     true = posed(2, share=0.2)
     person, made = with_skeletons(RIG, seen_by(RIG, true), true)[0], starting(config(**EXACT))

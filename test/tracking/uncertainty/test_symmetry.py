@@ -14,7 +14,7 @@ from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.tracker import Tracker
 from tracker_node.tracking.uncertainty.covariance import without_direction
-from tracker_node.tracking.uncertainty.modes import symmetry_of
+from tracker_node.tracking.uncertainty.modes import symmetry_of, turn_sigma
 
 RED, GREEN = (200, 30, 30), (30, 200, 30)
 CYLINDER = TruncatedCone(0.05, 0.05, 0.0, -0.1, 0.1)
@@ -52,6 +52,17 @@ def mesh_of(box: tuple[float, float, float]) -> Mesh:
 ])  # fmt: skip
 def test_turns_are_those_of_the_shape_and_its_colors(shapes, degrees):
     assert np.degrees(symmetry_of(rigid(*shapes)).turns).round().tolist() == degrees
+
+
+def test_any_turn_of_a_ball_will_do():
+    ball = rigid(shape(Ellipsoid((0.1, 0.1, 0.1)), at(x=0.3)))
+    state = State.neutral(ball)
+    spins = symmetry_of(ball).spins(Configuration(ball, state))
+    assert np.linalg.matrix_rank(np.array(spins)[:, 3:6]) == 3
+    for spin in spins:
+        middle = Configuration(ball, state.retract(1e-3 * spin)).Ts_world_shape[0, :3, 3]
+        assert np.linalg.norm(middle - (0.3, 0.0, 0.0)) < 1e-4
+    assert turn_sigma(ball, state, np.eye(6)) < 1e-6
 
 
 def test_links_that_are_welded_are_one_thing():

@@ -307,11 +307,11 @@ class ColorCoverage:
     Parameters
     ----------
     objective : with a cap, which is set.
-    least : (n_cameras,) squared difference of a pixel, sum over its channels, that is as probable of either.
+    least : squared difference of a pixel, sum over its channels, that is as probable of either.
     """
 
-    def __init__(self, objective: ColorObjective, least: np.ndarray):
-        objective.set_cap(math.sqrt(2.0 * float(least.mean()) / 3.0))
+    def __init__(self, objective: ColorObjective, least: float):
+        objective.set_cap(math.sqrt(2.0 * least / 3.0))
         self._objective, self._least = objective, least
 
     def score(self, state: State) -> float:
@@ -319,10 +319,11 @@ class ColorCoverage:
         return float(self.scores([state])[0])
 
     def scores(self, states: Sequence[State]) -> np.ndarray:
-        """(n,) of `score`; infinite behind a camera."""
+        """(n,) of `score`; a camera that has the body behind itself says nothing, and it is infinite where all have."""
         totals = self._objective._totals(states)
-        squares = (totals[:, :, 0] - self._least * totals[:, :, 1]).sum(axis=1) * self._objective.options.row_step
-        return np.where((totals[:, :, 2] == kernel.BEHIND).any(axis=1), math.inf, squares)
+        behind = totals[:, :, 2] == kernel.BEHIND
+        squares = np.where(behind, 0.0, totals[:, :, 0] - self._least * totals[:, :, 1])
+        return np.where(behind.all(axis=1), math.inf, squares.sum(axis=1) * self._objective.options.row_step)
 
     def at_row_step(self, row_step: int) -> ColorCoverage:
         """On every n-th row."""

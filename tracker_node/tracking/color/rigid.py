@@ -136,7 +136,7 @@ class ColorModes(Modes[Posed]):
                 self._modality.relight(fit.state)
             self._own = np.minimum(self._squares(fit.state), self._squares(start))
         coverage, tangents = self._coverage(start, n), None
-        if coverage is None:
+        if coverage is None or not np.isfinite(coverage.score(fit.state)):  # it is behind all cameras
             self._followed = []
             return fit
         if few:
@@ -174,19 +174,21 @@ class ColorModes(Modes[Posed]):
     def _coverage(self, start: State, n_cameras: int) -> ColorCoverage | None:
         """By how far the body's colors, at first, and those around it, where it is expected, are from those of the model.
 
-        None where these hardly differ, as of gray things before gray walls.
+        None where these hardly differ, as of gray things before gray walls. Cameras that see the body say it for all.
         """
         seen = self._modality.agreement_by(self._scores.representation, start)
         pixels = seen.pixels.sum(axis=1)
+        seeing = pixels >= LEAST_CAMERA
         around = seen.chance.sum(axis=1) / np.maximum(3.0 * pixels, 1.0)
         self._own = np.where(self._own > 0.0, self._own, seen.camera_rms**2)
-        if (around < (_LEAST_CONTRAST * _LEAST_LEVELS) ** 2).all():
+        if (around[seeing] < (_LEAST_CONTRAST * _LEAST_LEVELS) ** 2).all():
             return None
-        around = np.maximum(around, (_LEAST_CONTRAST * _LEAST_LEVELS) ** 2)
-        own = np.clip(self._own, _LEAST_LEVELS**2, around / _LEAST_CONTRAST**2)
+        around = np.maximum(around[seeing], (_LEAST_CONTRAST * _LEAST_LEVELS) ** 2)
+        own = np.clip(self._own[seeing], _LEAST_LEVELS**2, around / _LEAST_CONTRAST**2)
         self._unit = 2.0 * float(own.mean()) * self._correlation / _SHARES[min(n_cameras, len(_SHARES)) - 1]
         # Two normal distributions of three channels are equal there
-        return ColorCoverage(self._scores.covered, 3.0 * np.log(around / own) * own / (1.0 - own / around))
+        least = 3.0 * np.log(around / own) * own / (1.0 - own / around)
+        return ColorCoverage(self._scores.covered, float(least.mean()))
 
     def _flat(self, fit: Fit, coverage: ColorCoverage) -> np.ndarray:
         """(n_dof, n_dof) tangents along which more is covered as well than the equations of the fit say."""

@@ -48,32 +48,41 @@ class PersonChoice(Choice):
 
     def reset(self) -> None:
         """Nothing is known of swaps, and nobody has been looked for."""
-        self.denied_sets = self._alone_sets = 0
-        self._forget_sides()
+        self.restart()
         self._start.reset()
 
-    def _forget_sides(self) -> None:
+    def restart(self) -> None:
+        """The body begins anew, and left and right of nobody are known."""
+        self._denies: bool | None = None  # whether people were seen but not the body, when a detector has looked last
+        self._denied, self._counted_ns, self._alone_sets = 0, -1, 0
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
         self._before: list[np.ndarray | None] = [None] * len(self._rig)  # pixels of the body's points in the image before
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """Where the body begins."""
-        self._forget_sides()
-        found = self._start.find(people, near)
-        if found is not None:
-            self.denied_sets = 0
-        return found
+        self._swaps[:] = _SWAP_PRIOR
+        return self._start.find(people, near)
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         """The body in each camera."""
-        if all(persons is None for persons in people):
+        looked = [persons is not None for persons in people]
+        if not any(looked):
+            self._denies = None
             return ()
         places = self._modality.places(expected)
-        self._alone_sets = 0 if sum(map(bool, people)) > 1 else self._alone_sets + 1
-        chosen = [self._chosen(i, persons or (), places) for i, persons in enumerate(people)]
-        if any(people):
-            self.denied_sets = 0 if any(chosen) else self.denied_sets + 1
+        chosen = [None if persons is None else self._chosen(i, persons, places) for i, persons in enumerate(people)]
+        if sum(map(bool, chosen)) > 1:
+            self._alone_sets = 0
+        elif all(looked):
+            self._alone_sets += 1
+        self._denies = any(people) and not any(chosen)
         return self._with_pairs(chosen, places)
+
+    def denied_sets(self, stamp_ns: int) -> int:
+        """Image sets in a row until now in which somebody was seen, and nobody was the body."""
+        if self._denies is not None and stamp_ns > self._counted_ns:  # one that is gone through again counts once
+            self._counted_ns, self._denied = stamp_ns, self._denied + 1 if self._denies else 0
+        return self._denied
 
     def claims(self, people: PeopleSeen, expected: State) -> list[np.ndarray]:
         """How well everybody suits."""

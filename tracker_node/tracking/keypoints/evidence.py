@@ -57,7 +57,7 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
         if own.any():
             several = own & (seen.sum(axis=1) >= 2)
             result[i] = by_point[several if several.any() else own].max()
-            at_end = own & (points.body.links == limb.end)
+            at_end = limb.links[points.body.links] & (points.body.links == limb.end)
             if not (by_two & (at_end if at_end.any() else own)).any():
                 result[i] = max(result[i], _OF_ONE_CAMERA)
     return result

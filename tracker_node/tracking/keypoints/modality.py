@@ -240,8 +240,9 @@ class DepthGuesses:
             rows = rows_of(person.names, self._names)
             seen = np.where(known[:, None], person.pixels, 0.0)[rows]
             lengths = np.where(self._has_ends(known[rows]), np.linalg.norm(self._bones @ seen, axis=1), 0.0)
-            px_per_m = max((lengths / self._lengths).max(initial=0.0), 1e-9)  # none looks longer than it is
-            skeleton = np.column_stack([person.pixels / px_per_m, np.zeros(len(person.pixels))])
+            px_per_m = (lengths / self._lengths).max(initial=0.0)  # none looks longer than it is
+            known &= px_per_m > 0.0
+            skeleton = np.column_stack([person.pixels / max(px_per_m, 1e-9), np.zeros(len(person.pixels))])
         else:
             skeleton = self._meters * person.skeleton
             known &= np.isfinite(skeleton).all(axis=1)

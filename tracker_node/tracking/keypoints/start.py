@@ -75,12 +75,13 @@ class PointStart:
         None where nobody is seen, or nobody suits the body; for some image sets where the points of who does disagree,
         or one camera alone sees anybody and is unsure, or one of several.
         """
-        patient, seeing = self._waited < self._patience_sets, [persons for persons in people if persons]
-        alone = len(seeing) == 1
-        if alone and patient and (len(people) > 1 or max(person.score for person in seeing[0]) < _SURE_ALONE):
-            self._waited += 1
-            return None
-        candidates = self._alone(people, near) if alone else self.candidates(people, near)
+        patient = self._waited < self._patience_sets
+        if sum(map(bool, people)) != 1:
+            candidates = self.candidates(people, near)
+        else:
+            wait = patient and len(people) > 1
+            candidates = [] if wait else self._alone(people, near, _SURE_ALONE if patient else 0.0)
+            self._waited += patient and not candidates
         if not candidates:
             return None
         state, cost = candidates[0]
@@ -102,17 +103,16 @@ class PointStart:
         With what each of their points costs; those nearest to the place first.
         """
         if len(self._rig) == 1:
-            return self._alone(people, near)
+            return self._alone(people, near, _SURE_ALONE)
         groups = grouped(self._rig, people)[:_MOST_GROUPS]
         tried = [self._either_way(group) for group in groups if group.count >= _LEAST_SEEN * groups[0].count]
         return self._suitable(tried, near)
 
-    def _alone(self, people: PeopleSeen, near: np.ndarray | None) -> list[tuple[State, float]]:
-        """The `candidates` by the only camera that sees anybody, if there is one."""
-        seeing = [i for i, persons in enumerate(people) if persons]
-        if len(seeing) != 1:
-            return []
-        groups = groups_of_one(len(people), seeing[0], people[seeing[0]] or (), self._fitting.modality.guesses.lifted)
+    def _alone(self, people: PeopleSeen, near: np.ndarray | None, least: float) -> list[tuple[State, float]]:
+        """The `candidates` by the only camera that sees anybody, if any does; people with a score of ``least``."""
+        i = next((i for i, persons in enumerate(people) if persons), 0)
+        sure = [person for person in people[i] or () if person.score >= least]
+        groups = groups_of_one(len(people), i, sure, self._fitting.modality.guesses.lifted)
         return self._suitable([self._fitted(group) for group in groups[:_MOST_GROUPS]], near)
 
     def _suitable(self, tried: Iterable[tuple[State, float] | None], near: np.ndarray | None) -> list[tuple[State, float]]:

@@ -41,6 +41,7 @@ _LEAST_DOUBT_RAD = np.radians(2.0)  # of doubt in each set, of a thing of which 
 _ASKED = 0.01  # probability of lost, beyond which it is asked whether a limb's colors are common
 _DISTINCT = 1.35  # log-likelihood ratio that a pixel of a limb has on average, of 2 at most; in bars of its color 0.4 to 1.3
 _CLOTHES_SIZE = 0.2  # by which people in clothes look larger, as a standard deviation
+_BRIDGED_SETS = 15  # since several cameras or points have told the depth of the body, for which it counts as known
 _FOUND_LESS = 0.5  # times what is usual of the cameras: one that finds less of the outline does not agree
 
 
@@ -62,15 +63,18 @@ class RegionJudge(Judge):
         self._inlier_px, self._may_be_clothed = config.region.inlier_px, is_person(model)
         self._errors = LineErrors(rig, model, config.region)
         self._known: tuple[LineFit, ImageEvidence, tuple[np.ndarray, np.ndarray]] | None = None
+        self._sets_by_size = _BRIDGED_SETS
 
     def reset(self) -> None:
         """Forget the evidence of limbs."""
         self.limbs.reset()
         self._known = None
+        self._sets_by_size = _BRIDGED_SETS
 
     def restart(self) -> None:
         """Forget which limbs are lost."""
         self.limbs.restart()
+        self._sets_by_size = _BRIDGED_SETS
 
     def assess(self, fit: LineFit, image_set: ImageSet) -> Assessment:
         """Limb by limb, then by cameras."""
@@ -79,6 +83,7 @@ class RegionJudge(Judge):
             reason = "no camera sees the body where it is expected"
             return Assessment(Status.LOST, reason, noise=True, limbs=self.limbs.nothing_seen(), log_ratio=_UNSEEN)
         by_points = self._by_points(fit)
+        self._sets_by_size = self._sets_by_size + 1 if by_points is None and len(self._seeing(fit)) == 1 else 0
         helped = self._fitting.region.has_silhouettes
         images, (covariance, _) = self._of(fit)
         about_one = covariance if images.modes is None else covariance - images.modes @ images.modes.T
@@ -104,14 +109,20 @@ class RegionJudge(Judge):
         """Whether what surrounds the body has the colors of a limb."""
         return self._fitting.region.distinctness(shapes) < _DISTINCT
 
+    def _seeing(self, fit: LineFit) -> list[int]:
+        """Indices of the cameras that see the body."""
+        lines = fit.correspondences.at(fit.state)
+        return [i for i in fit.correspondences.active if lines.stats(i)[kernel.COUNT] >= _LEAST_OUTLINE]
+
     def _depth_by_size(self, fit: LineFit) -> np.ndarray | None:
         """(n_dof, 1) tangent, a standard deviation, of the depth of a person whom one camera alone sees, by outlines alone.
 
-        Such a camera tells depth by size, and clothes, of which outlines know nothing, look like a larger body.
+        Such a camera tells depth by size, and clothes, of which outlines know nothing, look like a larger body. What points or
+        other cameras have told is known for some image sets.
         """
-        lines = fit.correspondences.at(fit.state)
-        seeing = [i for i in fit.correspondences.active if lines.stats(i)[kernel.COUNT] >= _LEAST_OUTLINE]
-        if not self._may_be_clothed or len(seeing) != 1 or self._fitting.points_at(fit.state):
+        open_depth = self._may_be_clothed and self._sets_by_size >= _BRIDGED_SETS
+        seeing = self._seeing(fit) if open_depth and not self._fitting.region.surfaces_are_own else []
+        if len(seeing) != 1 or self._fitting.points_at(fit.state):
             return None
         tangent = np.zeros((self._model.n_dof, 1))
         tangent[:3, 0] = _CLOTHES_SIZE * (fit.state.T_world_root[:3, 3] - self._rig.cameras[seeing[0]].center)

@@ -44,7 +44,7 @@ class Symmetry:
     ----------
     turns : angles about some axis of a body without joints, radians, from small to large; 35 degrees stand for any.
     axis : (2, 3) a point of the axis about which any turn of the whole body will do, meters in the frame of the root link, and
-        its direction; None.
+        its direction; (4, 3) three directions of a ball; None.
     dofs : indices of the joint axes that turn the end of a limb about its axis of revolution.
     """
 
@@ -62,9 +62,9 @@ class Symmetry:
         found = [np.eye(body.model.n_dof)[dof] for dof in self.dofs]
         if self.axis is not None:
             T = body.Ts_world_link[0]
-            direction = T[:3, :3] @ self.axis[1]
-            twist = np.concatenate([np.cross(se3.apply(T, self.axis[0]), direction), direction])
-            found.append(np.linalg.solve(body.twists[:N_ROOT_DOF].T, twist))
+            for direction in self.axis[1:] @ T[:3, :3].T:
+                twist = np.concatenate([np.cross(se3.apply(T, self.axis[0]), direction), direction])
+                found.append(np.linalg.solve(body.twists[:N_ROOT_DOF].T, twist))
         return found
 
 
@@ -89,7 +89,8 @@ def symmetry_of(model: ArticulatedModel, by_texture: bool = False) -> Symmetry:
     tried = ((angle, axis) for axis in _axes(model, whole.points) for angle in ANGLES)
     found = [(angle, axis) for angle, axis in tried if whole.is_mapped(whole.middle, axis, angle)]
     around = [axis for angle, axis in found if angle == ANGLES[0]]
-    axis = np.array([whole.middle, around[0]]) if len(around) == 1 else None
+    directions = around if len(around) < 2 else list(np.eye(3))  # more than one axis: a ball
+    axis = np.array([whole.middle, *directions]) if directions else None
     return Symmetry(tuple(sorted({angle for angle, _ in found})), axis)
 
 
@@ -344,7 +345,9 @@ class Modes(Generic[F]):
         turns = np.array([] if spins else symmetry.turns)
         for other, odds in others:
             tangent = _without(other.state.difference(fit.state), spins)
-            turned = np.abs(np.linalg.norm(tangent[3:6]) - turns) < _OF_A_TURN
+            aside = np.linalg.norm(_middle(self._model, other.state) - _middle(self._model, fit.state))
+            in_place = aside < _APART * self._size
+            turned = in_place & (np.abs(np.linalg.norm(tangent[3:6]) - turns) < _OF_A_TURN)
             if odds > _DROPPED and self.moved(fit.state, tangent) > _APART * self._size and not turned.any():
                 modes.append(Mode(other, tangent, odds))
         modes.sort(key=lambda mode: -mode.odds)
