@@ -90,20 +90,13 @@ class Run:
 
 
 class _Listening:
-    """Keeps what a choice has chosen last."""
+    """A choice that keeps what it has chosen last."""
 
     def __init__(self, choice):
         self._choice, self.last = choice, ()
 
-    @property
-    def denied_sets(self) -> int:
-        return self._choice.denied_sets
-
-    def reset(self) -> None:
-        self._choice.reset()
-
-    def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
-        return self._choice.find(people, near)
+    def __getattr__(self, name: str):
+        return getattr(self._choice, name)
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         self.last = self._choice.choose(people, expected)
