@@ -114,12 +114,13 @@ def _over(part: int, whole: int) -> float:
     return part / whole if whole else float("nan")
 
 
-def within_sigmas(runs: Sequence[Run]) -> np.ndarray:
+def within_sigmas(runs: Sequence[Run], offset_free: bool = True) -> np.ndarray:
     """How often errors are within two of their standard deviations, axis by axis of the world.
 
     Parameters
     ----------
-    runs : each without its own constant offset a joint.
+    runs : any.
+    offset_free : each run is taken without its own constant offset a joint.
 
     Returns
     -------
@@ -130,7 +131,8 @@ def within_sigmas(runs: Sequence[Run]) -> np.ndarray:
         rows = run.has_state
         if rows.any():
             difference = (run.found_m - run.truth_m)[rows]
-            hits.append(np.abs(difference - difference.mean(axis=0)) <= SIGMAS * np.sqrt(run.variances_m2[rows]))
+            offsets = difference.mean(axis=0) if offset_free else 0.0
+            hits.append(np.abs(difference - offsets) <= SIGMAS * np.sqrt(run.variances_m2[rows]))
     found = np.concatenate(hits)
     return found.mean(axis=(0, 2)) if len(found) else np.full(len(JOINTS), np.nan)
 

@@ -39,7 +39,6 @@ from benchmark._arguments import parser_of
 from benchmark._reference import reference_ms
 from benchmark.clothed._disturbed import Decisions, disturbed_runs
 from benchmark.clothed._judged import (
-    SIGMAS,
     Accuracy,
     LimbCounts,
     accuracy,
@@ -243,14 +242,12 @@ def _of_one_camera(found: Found, one_camera: str, name: str, results: list[Accur
     if not runs:
         return {}
     limbs = sum((each for (kind, _), each in found.limbs.items() if kind == one_camera), LimbCounts())
-    fractions, states = limbs.fractions(), [run.has_state for run in runs]
-    differences = np.concatenate([(run.found_m - run.truth_m)[rows] for run, rows in zip(runs, states, strict=True)])
-    variances = np.concatenate([run.variances_m2[rows] for run, rows in zip(runs, states, strict=True)])
+    fractions, errors_m = limbs.fractions(), np.concatenate([run.errors_m[run.has_state] for run in runs])
     return {
         f"{name}.wrong_called_tracking": fractions["wrong_called_tracking"], f"{name}.wrong_limb_sets": limbs.wrong,
         f"{name}.right_called_lost": fractions["right_called_lost"], f"{name}.right_limb_sets": limbs.right,
-        f"{name}.within_2_sigma": float((np.abs(differences) <= SIGMAS * np.sqrt(variances)).mean()),
-        f"{name}.median_mm": 1e3 * float(np.median(np.linalg.norm(differences, axis=2))),
+        f"{name}.within_2_sigma": float(within_sigmas(runs, offset_free=False).mean()),
+        f"{name}.median_mm": 1e3 * float(np.median(errors_m)),
         f"{name}.first_state_set": max(result.first_state_set for result in results),
     }  # fmt: skip
 

@@ -343,3 +343,9 @@ def test_half_of_the_points_have_to_be_no_outliers():
     legs = [HUMAN.landmark_index(f"{side}_{name}") for side in ("left", "right") for name in ("hip", "knee", "ankle")]
     assert off_m(found, true)[legs].mean() < 0.05
     assert after_waiting([(elsewhere(person, POINTS[3:], rng),) for person in seen_by(RIG, true)]) is None
+
+
+@pytest.mark.parametrize("people", [(), [None], [()]])
+def test_one_camera_in_which_nobody_is_seen_says_nothing(people):
+    made = starting(rig=ONE)
+    assert made.find(people) is None and made.candidates(people) == []

@@ -35,6 +35,7 @@ Offsets = Sequence[np.ndarray | None]
 _FEWEST_LINES = 30
 _COARSE_SAMPLES = 5  # of a generator line: where lines are coarse, half of them do, but not fewer than these
 _FEW_SAMPLES = 1000
+_LEAST_SEEN = 10  # lines that find the outline, of a camera that sees the body
 
 
 @dataclass(frozen=True)
@@ -288,6 +289,11 @@ class LineCorrespondences:
     def active(self) -> list[int]:
         """Cameras that show something."""
         return [i for i, _ in self._drawn.seeing]
+
+    def seeing(self, state: State) -> list[int]:
+        """Cameras that see the body in a state: enough of their lines find its outline."""
+        at = self.at(state)
+        return [i for i in self.active if at.stats(i)[kernel.COUNT] >= _LEAST_SEEN]
 
     def at(self, state: State) -> LinesAt:
         """The lines compared with a state; the latest comparison is kept."""

@@ -29,6 +29,7 @@ class KeypointJudge(Judge):
 
     def __init__(self, rig: CameraRig, modality: KeypointModality):
         self._rig, self._modality = rig, modality
+        self._known: tuple[Fit, np.ndarray] | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -59,10 +60,16 @@ class KeypointJudge(Judge):
         }
         sees, elsewhere = "the body", "the body's points are elsewhere"
         status, reason = assess_cameras(shares, _LOST, image_set.cameras, len(self._rig), elsewhere, sees)
-        sigma_m = _sigma_m(fit)
+        sigma_m = float(np.sqrt(np.linalg.eigvalsh(self._covariance(fit)[:3, :3])[-1]))  # one camera leaves the depth open
         if status is Status.TRACKING and sigma_m > KNOWN_M:
             status, reason = Status.DEGRADED, f"its place is known to {1e3 * sigma_m:.0f} mm"
         return Assessment(status, reason, log_ratio=-fit.equations.cost)
+
+    def _covariance(self, fit: Fit) -> np.ndarray:
+        """(n_dof, n_dof); that of the last fit is kept."""
+        if self._known is None or self._known[0] is not fit:
+            self._known = fit, inverse_covariance(fit.equations.H, 1.0)
+        return self._known[1]
 
     def report(self, fit: Fit, image_set: ImageSet) -> Report:
         """Distances of points, pixels, and the covariance."""
@@ -71,12 +78,7 @@ class KeypointJudge(Judge):
         squares, weights = correspondences.squares_px(fit.state), np.maximum(points.weights, 0.0)
         of_cameras = [_rms(weights[:, i], squares[:, i]) for i in range(len(self._rig))]
         cameras = camera_reports(self._rig, image_set, of_cameras, (weights > 0.5).sum(axis=0))
-        return Report(cameras, _rms(weights, squares), inverse_covariance(fit.equations.H, 1.0))
-
-
-def _sigma_m(fit: Fit) -> float:
-    """Standard deviation of the root, meters, in the direction in which it is known least: one camera leaves its depth open."""
-    return float(np.sqrt(np.linalg.eigvalsh(inverse_covariance(fit.equations.H, 1.0)[:3, :3])[-1]))
+        return Report(cameras, _rms(weights, squares), self._covariance(fit))
 
 
 def _rms(weights: np.ndarray, squares: np.ndarray) -> float:

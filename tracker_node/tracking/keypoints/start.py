@@ -110,8 +110,8 @@ class PointStart:
 
     def _alone(self, people: PeopleSeen, near: np.ndarray | None, least: float) -> list[tuple[State, float]]:
         """The `candidates` by the only camera that sees anybody, if any does; people with a score of ``least``."""
-        i = next((i for i, persons in enumerate(people) if persons), 0)
-        sure = [person for person in people[i] or () if person.score >= least]
+        i, persons = next(((i, persons) for i, persons in enumerate(people) if persons), (0, ()))
+        sure = [person for person in persons if person.score >= least]
         groups = groups_of_one(len(people), i, sure, self._fitting.modality.guesses.lifted)
         return self._suitable([self._fitted(group) for group in groups[:_MOST_GROUPS]], near)
 

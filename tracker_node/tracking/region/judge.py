@@ -62,7 +62,7 @@ class RegionJudge(Judge):
         self._rig, self._model, self._fitting, self.limbs = rig, model, fitting, limbs
         self._inlier_px, self._may_be_clothed = config.region.inlier_px, is_person(model)
         self._errors = LineErrors(rig, model, config.region)
-        self._known: tuple[LineFit, ImageEvidence, tuple[np.ndarray, np.ndarray]] | None = None
+        self._known: tuple[LineFit, ImageEvidence, tuple[np.ndarray, np.ndarray], float] | None = None
         self._sets_by_size = _BRIDGED_SETS
 
     def reset(self) -> None:
@@ -83,13 +83,14 @@ class RegionJudge(Judge):
             reason = "no camera sees the body where it is expected"
             return Assessment(Status.LOST, reason, noise=True, limbs=self.limbs.nothing_seen(), log_ratio=_UNSEEN)
         by_points = self._by_points(fit)
-        self._sets_by_size = self._sets_by_size + 1 if by_points is None and len(self._seeing(fit)) == 1 else 0
+        if self._may_be_clothed:
+            by_size = by_points is None and len(fit.correspondences.seeing(fit.state)) == 1
+            self._sets_by_size = self._sets_by_size + 1 if by_size else 0
         helped = self._fitting.region.has_silhouettes
-        images, (covariance, _) = self._of(fit)
+        images, (covariance, _), depth_m = self._of(fit)
         about_one = covariance if images.modes is None else covariance - images.modes @ images.modes.T
         common = np.array([p > _ASKED and self._is_common(limb.shapes) for limb, p in self.limbs.by_probability])
-        own, depth = self._fitting.region.surfaces_are_own, self._depth_by_size(fit)
-        depth_m = 0.0 if depth is None else float(np.linalg.norm(depth))
+        own = self._fitting.region.surfaces_are_own
         reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common, own, depth_m)
         status, reason = body_status(reports)
         doubt, doubt_rad = self.limbs.doubt(evidence, fit.state, covariance), 0.0
@@ -109,11 +110,6 @@ class RegionJudge(Judge):
         """Whether what surrounds the body has the colors of a limb."""
         return self._fitting.region.distinctness(shapes) < _DISTINCT
 
-    def _seeing(self, fit: LineFit) -> list[int]:
-        """Indices of the cameras that see the body."""
-        lines = fit.correspondences.at(fit.state)
-        return [i for i in fit.correspondences.active if lines.stats(i)[kernel.COUNT] >= _LEAST_OUTLINE]
-
     def _depth_by_size(self, fit: LineFit) -> np.ndarray | None:
         """(n_dof, 1) tangent, a standard deviation, of the depth of a person whom one camera alone sees, by outlines alone.
 
@@ -121,7 +117,8 @@ class RegionJudge(Judge):
         other cameras have told is known for some image sets.
         """
         open_depth = self._may_be_clothed and self._sets_by_size >= _BRIDGED_SETS
-        seeing = self._seeing(fit) if open_depth and not self._fitting.region.surfaces_are_own else []
+        known = not open_depth or self._fitting.region.surfaces_are_own
+        seeing = [] if known else fit.correspondences.seeing(fit.state)
         if len(seeing) != 1 or self._fitting.points_at(fit.state):
             return None
         tangent = np.zeros((self._model.n_dof, 1))
@@ -144,15 +141,16 @@ class RegionJudge(Judge):
             "where the body is",
         )  # fmt: skip
 
-    def _of(self, fit: LineFit) -> tuple[ImageEvidence, tuple[np.ndarray, np.ndarray]]:
-        """What the lines say of a fit, and its `fit_covariance`."""
+    def _of(self, fit: LineFit) -> tuple[ImageEvidence, tuple[np.ndarray, np.ndarray], float]:
+        """What the lines say of a fit, its `fit_covariance`, and the deviation of its depth where that is open, meters."""
         if self._known is None or self._known[0] is not fit:
             depth, modes = self._depth_by_size(fit), fit.modes
             if depth is not None:
                 modes = depth if modes is None else np.hstack([modes, depth])
             images = replace(self._errors.evidence(fit.correspondences, fit.state, self._fitting.share), modes=modes)
             body = configured(self._model, fit.state)
-            self._known = fit, images, fit_covariance(fit.equations.H, images, body)
+            depth_m = 0.0 if depth is None else float(np.linalg.norm(depth))
+            self._known = fit, images, fit_covariance(fit.equations.H, images, body), depth_m
         return self._known[1:]
 
     def report(self, fit: LineFit, image_set: ImageSet) -> Report:
@@ -160,7 +158,7 @@ class RegionJudge(Judge):
         lines = fit.correspondences.at(fit.state)
         stats = [lines.stats(i) for i in range(len(self._rig))]
         cameras = camera_reports(self._rig, image_set, [_rms(own) for own in stats], [own[kernel.COUNT] for own in stats])
-        images, (covariance, second_order) = self._of(fit)
+        images, (covariance, second_order), _ = self._of(fit)
         return Report(cameras, _rms(np.sum(stats, axis=0)), covariance, images, second_order)
 
 

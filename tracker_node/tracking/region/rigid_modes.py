@@ -20,14 +20,12 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...objective.constraints.prior import Prior
-from ...objective.lines import correspondence as kernel
 from ...objective.lines.correspondences import PartEvidence
 from ..limbs.tree import thing_size
 from ..uncertainty.modes import FEW_CAMERAS, TAKEN, Mode, Modes
 from .fitting import LineFit, RegionFitting
 
 _SCALES = (2.0, 1.0)  # pixels from place to place on the lines
-_LEAST_SAMPLES = 10  # of the outline, for a camera to see it
 _AT_ONCE = 3  # starts that are tried with every image set
 _SHARE = 0.125  # of the log-likelihood ratio of the colors on a line, which its neighbors share
 _LEAST_LINES = 0.8  # of those of the fit, that another must have to be compared with it
@@ -110,8 +108,7 @@ class RigidModes(Modes[LineFit]):
         The fit, or the mode that is clearly better, with ``modes``.
         """
         sudden = self._misfit.is_sudden(fit.correspondences.at(fit.state).cost_per_line)
-        counts = [fit.correspondences.at(fit.state).stats(i)[kernel.COUNT] for i in fit.correspondences.active]
-        if not sudden and not 0 < sum(count >= _LEAST_SAMPLES for count in counts) <= FEW_CAMERAS:
+        if not sudden and not 0 < len(fit.correspondences.seeing(fit.state)) <= FEW_CAMERAS:
             self._followed = []
             return fit
         starts = self.followed(fit.state) + self.starts(fit.state, None if everywhere or sudden else _AT_ONCE)
