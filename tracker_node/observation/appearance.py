@@ -31,7 +31,17 @@ _LOG_SHADOW = math.log(0.2 / 75.0) - math.log(2.0 * math.pi)
 
 
 @compiled
-def _bin(b, g, r):
+def bin_of(b, g, r):
+    """Which of the colors that are told apart a pixel has.
+
+    Parameters
+    ----------
+    b, g, r : uint8 channels.
+
+    Returns
+    -------
+    Its index, below `BINS` cubed.
+    """
     return (np.int64(b >> _SHIFT) * BINS + np.int64(g >> _SHIFT)) * BINS + np.int64(r >> _SHIFT)
 
 
@@ -49,7 +59,7 @@ def count_colors(bgr, labels, around, body_counts, scene_counts):
     """
     for i in range(bgr.shape[0]):
         for j in range(bgr.shape[1]):
-            index = _bin(bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2])
+            index = bin_of(bgr[i, j, 0], bgr[i, j, 1], bgr[i, j, 2])
             if labels[i, j]:
                 body_counts[labels[i, j] - 1, index] += np.float32(1.0)
             elif around[i, j]:

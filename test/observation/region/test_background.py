@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from tracker_node.observation.appearance import SceneModel
+from tracker_node.observation.appearance import SceneModel, bin_of
 from tracker_node.observation.region.background import LOG_STEP, NO_ROOM, WAY_PX, RegionBackground
+from tracker_node.observation.region.colors import N_COLORS
 
 SIZE = (24, 32)
 HERE = np.zeros((4, 2))
@@ -57,6 +58,23 @@ def test_the_first_image_is_learnt_beside_the_body():
     assert known[0, 0]
     assert not known[10:14, 10:14].any()
     np.testing.assert_array_equal(colors(room.packed[0])[known], np.broadcast_to([50, 60, 70], (known.sum(), 3)))
+
+
+def test_pixels_of_doubted_colors_are_left_as_they_are():
+    """They may be an arm that is elsewhere than it is taken to be; what is known of them stays."""
+    room, nothing, wall, arm = RegionBackground([], 4.0, 0.5, 0), np.zeros(SIZE, np.uint8), (50, 60, 70), (200, 90, 40)
+    everywhere, doubted, scene = (0, 0, SIZE[1], SIZE[0]), np.zeros(N_COLORS, np.bool_), image(*wall)
+    doubted[bin_of(*(np.uint8(channel) for channel in arm))] = True
+    scene[:, 20:24] = arm
+    room.learn(scene, everywhere, nothing, HERE, 1, doubted)
+    known = codes(room) > 0
+    assert not known[:, 20:24].any()
+    assert known[:, :20].all()
+    assert known[:, 24:].all()
+    scene[:, 20:24], scene[:, 4:8] = wall, arm  # it moves on
+    room.learn(scene, everywhere, nothing, HERE, 1, doubted)
+    assert (codes(room) > 0).all()
+    np.testing.assert_array_equal(colors(room.packed[0]), np.broadcast_to(wall, (*SIZE, 3)))
 
 
 def test_later_images_count_by_the_rate_and_in_their_region_alone():

@@ -97,6 +97,19 @@ def test_what_is_learnt_where():
         assert colors.body[0, place(color)] == pytest.approx(LITTLE, rel=1e-4)
 
 
+def test_colors_more_of_some_parts_than_of_the_surroundings():
+    image = np.full((30, 30, 3), 200, np.uint8)
+    image[5:15, 5:15], image[15:25, 5:15] = (40, 200, 40), (200, 40, 40)
+    labels = np.zeros((30, 30), np.uint8)
+    labels[5:15, 5:15], labels[15:25, 5:15] = 1, 2
+    colors = learner(2)
+    colors.learn(image, (0, 0, 30, 30), labels, 1.0, 0, 5)
+    of_first, of_second = (colors.more_likely_of(np.arange(2) == i) for i in range(2))
+    assert of_first[place((40, 200, 40))] and not of_first[place((200, 40, 40))]
+    assert of_second[place((200, 40, 40))] and not of_second[place((40, 200, 40))]
+    assert not (of_first | of_second)[place((200, 200, 200))]
+
+
 def test_a_thing_may_cast_shadows_upon_what_surrounds_it():
     image, labels = np.full((60, 60, 3), (200, 140, 100), np.uint8), np.zeros((60, 60), np.uint8)
     labels[25:35, 25:35] = 1

@@ -168,6 +168,24 @@ def test_cameras_learn_in_turn(monkeypatch):
     assert len(learnt) == 3
 
 
+def test_beside_a_lost_limb_the_background_is_learned_but_for_its_colors():
+    made, images = engine(), SCENE.images(TRUE)
+    appearance = region_of(made).appearance
+    shapes, nobody = len(SCENE.model.shapes), [None] * len(SCENE.rig)
+    region_of(made).learn_first(images, TRUE, 4)
+    appearance.learn(images, TRUE, nobody, 0.05, 4, np.zeros(shapes))
+    assert not any(room.packed[0].size for room in appearance._rooms)  # nothing is where it is taken to be
+    in_place = np.ones(shapes)
+    in_place[-1] = 0.0
+    appearance.learn(images, TRUE, nobody, 0.05, 4, in_place)
+    for image, room, colors in zip(images, appearance._rooms, appearance._colors, strict=True):
+        known, doubted = room.packed[0] > 0, colors.more_likely_of(in_place < 0.5)
+        b, g, r = (image[..., channel] >> 4 for channel in range(3))
+        alike = doubted[(b.astype(int) * 16 + g) * 16 + r]
+        assert alike.any() and known.any()
+        assert not known[alike].any()
+
+
 def test_colors_that_do_not_change_are_not_learnt(monkeypatch):
     made = acquainted(engine(**{"region.color_rate": 0.0}))
     monkeypatch.setattr(region_of(made).appearance, "learn", lambda *_: pytest.fail("learns"))

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...compiled.kernels import compiled
-from ..appearance import AT_ONCE, SEEN, Region, SceneModel, cells_near
+from ..appearance import AT_ONCE, SEEN, Region, SceneModel, bin_of, cells_near
 from ..appearance_kernels import log_positive
 
 LOG_STEP = math.log(1.03)  # of the variance, from one value of its byte to the next
@@ -31,6 +31,7 @@ _8, _16, _24, _UNKNOWN = np.uint32(8), np.uint32(16), np.uint32(24), np.uint32(0
 _1, _2, _3, _NOTHING = np.uint64(1), np.uint64(2), np.uint64(3), np.float32(0.0)
 
 PackedRoom = tuple[np.ndarray, float]  # pixels (h, w) uint32 (blue lowest, the variance's byte highest), and the least variance
+NO_COLORS = np.zeros(0, dtype=np.bool_)
 NO_ROOM: PackedRoom = np.zeros((0, 0), np.uint32), 1.0
 
 
@@ -72,7 +73,10 @@ class RegionBackground:
         self._kept, self._kept_at_px = np.zeros(self._means.shape, np.uint8), np.zeros(scene.known.shape, np.float32)
         return scene
 
-    def learn(self, bgr: np.ndarray, region: Region, labels: np.ndarray, places: np.ndarray, every: int = 1) -> None:
+    def learn(
+        self, bgr: np.ndarray, region: Region, labels: np.ndarray, places: np.ndarray, every: int = 1,
+        doubted: np.ndarray = NO_COLORS,
+    ) -> None:  # fmt: skip
         """Take in the region of an image; all of it at first, and whenever the body has gone far. Of a large one rows take turns.
 
         Parameters
@@ -82,6 +86,7 @@ class RegionBackground:
         labels : (h, w) uint8 on the region, 0 beside the body.
         places : (n, 2) pixels of points of the body, the same in every image; those that are not finite do not count.
         every : so many pixels a side have one label.
+        doubted : (`N_COLORS`,) bool, colors of parts that may be anywhere: pixels of them are not taken in; empty: none.
         """
         first = self._scene is None
         scene = self._scene or self._begin(SceneModel(bgr.shape[0], bgr.shape[1], self._sigma))
@@ -96,7 +101,7 @@ class RegionBackground:
         stayed, changed = _learn(
             np.ascontiguousarray(bgr).reshape(len(bgr), -1), region, rows, around, near, cell,
             self._means, scene.variance, scene.known, self._proofs, self._kept, self._kept_at_px,
-            np.float32(way_px), rate, scene.floor, self._moves, not everywhere or self._moves,
+            np.float32(way_px), rate, scene.floor, self._moves, not everywhere or self._moves, doubted,
         )  # fmt: skip
         if self._turned(stayed, changed):
             self._pack(self._all)
@@ -149,11 +154,13 @@ class _Way:
 
 
 @compiled
-def _learn(bgr, region, rows, around, near, cell, mean, variance, known, proofs, kept, kept_at, way, rate, floor, moves, follow):
+def _learn(
+    bgr, region, rows, around, near, cell, mean, variance, known, proofs, kept, kept_at, way, rate, floor, moves, follow, doubted
+):  # fmt: skip
     """Take in the pixels of a region that are not near the body; how many ``around`` it have stayed, and how many have not.
 
-    ``rows``: the first one, and how far to the next. ``near``: on ``around``, one value for ``cell`` pixels a side. Images have
-    rows of interleaved colors.
+    ``rows``: the first one, and how far to the next. ``near``: on ``around``, one value for ``cell`` pixels a side. Pixels of
+    ``doubted`` colors are left as they are. Images have rows of interleaved colors.
     """
     u0, v0, u1, v1 = region
     n = u1 - u0
@@ -164,6 +171,10 @@ def _learn(bgr, region, rows, around, near, cell, mean, variance, known, proofs,
         free[:] = 1
         if around[1] <= v < around[3]:
             _block_row(near[(v - around[1]) // cell], cell, around[0] - u0, around[2] - u0, free)
+        for k in range(n if doubted.size else 0):
+            b = 3 * (u0 + k)
+            if doubted[bin_of(bgr[v, b], bgr[v, b + 1], bgr[v, b + 2])]:
+                free[k] = 0
         n_special = _follow_row(
             bgr[v, colors], free, known[v, u0:u1], proofs[v, u0:u1], kept_at[v, u0:u1], way, share, floor,
             mean[v, colors], variance[v, u0:u1], off, stays, special,

@@ -291,6 +291,10 @@ class RegionColors:
             self._shades /= np.maximum(self._shades.sum(axis=1, keepdims=True), 1e-12)
         self._tabulate()
 
+    def more_likely_of(self, shapes: np.ndarray) -> np.ndarray:
+        """(`N_COLORS`,) bool, colors more of some parts, (n_shapes,) mask, than of the surroundings."""
+        return (self.body[np.unique(self._classes[shapes])] > self.scene).any(axis=0)
+
     def _tabulate(self) -> None:
         trusted = ~self._was_reliable & bool(self._as_stated)
         borne_out = (self._support > _SUPPORT) | bool(self._as_stated)

@@ -16,7 +16,7 @@ from ...objective.lines.correspondences import Offsets, View
 from ...objective.per_camera import bodies_seen
 from ...observation.appearance import AT_ONCE
 from ...observation.chamfer.observer import checked_backgrounds
-from ...observation.region.background import RegionBackground
+from ...observation.region.background import NO_COLORS, RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ...observation.region.silhouette import odds_table, packed
 from ...render.contour.generators import world_spheres
@@ -123,14 +123,15 @@ class RegionAppearance:
         offsets : where the body is when each camera exposes.
         rate : weight of these images.
         margin_px : width around the body that is not learned as surroundings.
-        weights : (n_shapes,) parts that are where ``state`` says; with all of them the background is learned, too. None: not
-            known.
+        weights : (n_shapes,) parts that are where ``state`` says; with all of them the background is learned, too, and with some
+            limbs, where it has none of the others' colors. None: not known.
         """
         bodies, around = bodies_seen(self._model, state, offsets), self._config.background_ring_px
         trusted = None if weights is None else np.asarray(weights > 0.5)
         # Beside limbs lies what is before or behind others: only of a rigid body is it likely to be its shadow
-        sure_px = self._config.margin_px if self._model.n_dof == N_ROOT_DOF else None
-        background = self._config.learn_background and trusted is not None and bool(trusted.all())
+        rigid = self._model.n_dof == N_ROOT_DOF
+        sure_px = self._config.margin_px if rigid else None
+        background = self._config.learn_background and trusted is not None and bool(trusted.all() if rigid else trusted.any())
 
         def learn(i: int) -> None:
             camera, places = self._rig.cameras[i], self._places(i, bodies[i])
@@ -139,9 +140,10 @@ class RegionAppearance:
             if found is not None and image is not None:
                 region, labels, every = found.region, found.labels, found.every
                 self._colors[i].learn(image, region, labels, rate, margin_px, around, trusted, sure_px, every, found.others)
-                if background:
+                if background and trusted is not None:
                     everybody = self._occluders.with_neighbors(i, found)
-                    self._rooms[i].learn(image, everybody.region, everybody.labels, places, every)
+                    doubted = NO_COLORS if trusted.all() else self._colors[i].more_likely_of(~trusted)
+                    self._rooms[i].learn(image, everybody.region, everybody.labels, places, every, doubted)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
 
