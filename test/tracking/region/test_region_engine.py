@@ -179,7 +179,7 @@ def test_beside_a_lost_limb_the_background_is_learned_but_for_its_colors():
     in_place[-1] = 0.0
     appearance.learn(images, TRUE, nobody, 0.05, 4, in_place)
     for image, room, colors in zip(images, appearance._rooms, appearance._colors, strict=True):
-        known, doubted = room.packed[0] > 0, colors.more_likely_of(in_place < 0.5)
+        known, doubted = room.packed[0] > 0, colors.as_likely_of(in_place < 0.5)
         b, g, r = (image[..., channel] >> 4 for channel in range(3))
         alike = doubted[(b.astype(int) * 16 + g) * 16 + r]
         assert alike.any() and known.any()

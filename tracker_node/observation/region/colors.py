@@ -22,6 +22,7 @@ UNIFORM = 1.0 / N_COLORS
 _MOST_TOLD, _LEAST_DENSITY = 2.0, 1e-9  # of `distinctness`
 _MIX = 0.02  # a little of every color: none is impossible
 _DOUBTFUL = 0.3  # weight of surroundings that may be the body's
+_AS_LIKELY = 0.999  # times as much: colors that were seen nowhere have the same density everywhere
 _LEAST_COUNT = 20  # pixels; fewer do not count
 _SHADED = 0.3  # of the surroundings of a thing that may cast a shadow
 _SHADOWS = (0.4, 0.5, 0.6, 0.7, 0.8)  # how bright they are there
@@ -291,9 +292,9 @@ class RegionColors:
             self._shades /= np.maximum(self._shades.sum(axis=1, keepdims=True), 1e-12)
         self._tabulate()
 
-    def more_likely_of(self, shapes: np.ndarray) -> np.ndarray:
-        """(`N_COLORS`,) bool, colors more of some parts, (n_shapes,) mask, than of the surroundings."""
-        return (self.body[np.unique(self._classes[shapes])] > self.scene).any(axis=0)
+    def as_likely_of(self, shapes: np.ndarray) -> np.ndarray:
+        """(`N_COLORS`,) bool, colors that some parts, (n_shapes,) mask, have as likely as the surroundings: new ones, too."""
+        return (self.body[np.unique(self._classes[shapes])] >= _AS_LIKELY * self.scene).any(axis=0)
 
     def _tabulate(self) -> None:
         trusted = ~self._was_reliable & bool(self._as_stated)

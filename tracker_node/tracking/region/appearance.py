@@ -142,7 +142,7 @@ class RegionAppearance:
                 self._colors[i].learn(image, region, labels, rate, margin_px, around, trusted, sure_px, every, found.others)
                 if background and trusted is not None:
                     everybody = self._occluders.with_neighbors(i, found)
-                    doubted = NO_COLORS if trusted.all() else self._colors[i].more_likely_of(~trusted)
+                    doubted = NO_COLORS if trusted.all() else self._colors[i].as_likely_of(~trusted)
                     self._rooms[i].learn(image, everybody.region, everybody.labels, places, every, doubted)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
