@@ -24,7 +24,7 @@ from .metrics import Spread, intervals, reacquisition_times, spread_of, times_wi
 from .motion.gait import Gait, find_gait
 from .motion.inverse_kinematics import InverseKinematics
 from .motion.joint_motion import AUTO, CUTOFFS, JointMotion, Ranges, joint_motion, ranges, treatment
-from .motion.jumps import Jump, find_jumps, jump_metrics
+from .motion.jumps import Contact, Jump, contact_metrics, find_contacts, find_jumps, jump_metrics
 from .motion.kinematics import MOST_OF_RATE
 from .pose_metrics import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
 from .truth.association import image_period_ns
@@ -152,6 +152,14 @@ class Review:
         """Where somebody jumps."""
         return find_jumps(*self._points) if self.motion is not None else []
 
+    @cached_property
+    def contacts(self) -> dict[str, list[Contact]]:
+        """Side -> when the foot is on the floor, of somebody who does not walk: strides tell that, on a treadmill, too."""
+        if self.motion is None or self.gait is not None:
+            return {}
+        times, points, _ = self._points
+        return find_contacts(times, points)
+
     @property
     def center_m(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Times (k,) and center of mass (k, 3), not-a-number in gaps; None of a body without one."""
@@ -193,6 +201,7 @@ class Review:
         for part in (self._joint_metrics, self._loss_metrics, self._state_metrics, self._nees_metrics, self._own_metrics):
             metrics |= part()
         metrics |= {} if self.gait is None else self.gait.metrics()
+        metrics |= contact_metrics(self.contacts, float(np.ptp(self._points[0]))) if self.contacts else {}
         metrics |= jump_metrics(self.jumps)
         metrics |= {} if self.opensim is None else self.opensim.metrics()
         landmarks = {key: metrics.pop(key) for key in list(metrics) if key.startswith("landmark_mm.")}

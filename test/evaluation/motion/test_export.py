@@ -16,10 +16,12 @@ from hypothesis import strategies as st
 
 from helpers.bodies.moving_person import moving
 from helpers.bodies.two_links import two_links
+from helpers.motion import known_motions
 from tracker_node.errors import FileFormatError, ModelError, UnknownNameError
 from tracker_node.evaluation.motion.coordinates import load_coordinates, model_coordinates, opensim_coordinates
-from tracker_node.evaluation.motion.export import FORMATS, ExportOptions, markers_of
+from tracker_node.evaluation.motion.export import FORMATS, ExportOptions, foot_events, markers_of
 from tracker_node.evaluation.motion.isb_angles import isb_angles
+from tracker_node.evaluation.motion.jumps import GRAVITY
 from tracker_node.evaluation.motion.kinematics import state_kinematics
 from tracker_node.evaluation.motion.run_export import TABLES, tables, write_tables
 from tracker_node.loaders.motion.trc import NumberTable, dump_table
@@ -86,6 +88,22 @@ def test_c3d_has_landmarks_with_residuals_and_angles(tmp_path):
     assert frames[motion.valid][:, :n, :3] == pytest.approx(1000.0 * motion.landmarks_m()[motion.valid], abs=2e-3)
     flexion = motion.values[:, motion.model.chain.dof_names.index("left_knee_flexion")]
     assert frames[motion.valid, labels.index("LeftKneeAngles"), 0] == pytest.approx(np.rad2deg(flexion)[motion.valid], abs=1e-3)
+
+
+def run_of(known) -> RunMotion:
+    values, rate_hz = np.array([state.to_values() for state in known.states]), 60.0
+    return RunMotion(known.model, known.stamps_ns, values, np.ones(len(values), dtype=bool), 1e9 / rate_hz, uniform=True)
+
+
+def test_c3d_has_events_of_feet_by_strides_or_by_contacts():
+    """Somebody who jumps, and somebody who walks."""
+    jump, walk = (run_of(known) for known in (known_motions.jump(2.6, 60.0), known_motions.walk(seconds=6.0)))
+    events = foot_events(jump)
+    assert [event.label for event in events if event.context == "Left"] == ["Foot Off", "Foot Strike"]
+    assert events[-1].time_s - events[0].time_s == pytest.approx(2.0 * 2.6 / GRAVITY, abs=0.1)
+    strikes = [event.time_s for event in foot_events(walk) if (event.context, event.label) == ("Right", "Foot Strike")]
+    assert np.diff(strikes) == pytest.approx(np.full(len(strikes) - 1, known_motions.STRIDE_S), abs=0.02)
+    assert len(strikes) >= 3
 
 
 @pytest.mark.parametrize("degrees", [True, False])

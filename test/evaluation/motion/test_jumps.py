@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.motion import known_motions as known
-from tracker_node.evaluation.motion.jumps import GRAVITY, Jump, find_jumps, jump_metrics
+from tracker_node.evaluation.motion.jumps import GRAVITY, Contact, Jump, contact_metrics, find_contacts, find_jumps, jump_metrics
 from tracker_node.model.humans.masses import mass_center
 from tracker_node.synthesis.motions.deepmimic import load_motion
 from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
@@ -102,3 +102,67 @@ def test_metrics_are_means_over_jumps():
     figures = jump_metrics(found)
     assert figures["jumps"] == 2 and figures["jump_height_rise_m"] == pytest.approx(np.mean([j.rise_m[0] for j in found]))
     assert figures["jump_height_air_m"] == pytest.approx(2.4**2 / 2.0 / GRAVITY, abs=0.01) and jump_metrics([]) == {}
+
+
+STAND_S, SWING_S, STEP_M = 0.6, 0.4, 0.7
+
+
+def steps(rate_hz: float, noise_m: float = 0.0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Three times a left foot stands, then swings, its toes 15 mm above the floor; the right one stands."""
+    rng, t = np.random.default_rng(3), np.arange(round(3.0 * (STAND_S + SWING_S) * rate_hz)) / rate_hz
+    n, since = np.divmod(t, STAND_S + SWING_S)
+    part = np.clip((since - STAND_S) / SWING_S, 0.0, 1.0)
+    swing, still, ahead = np.sin(np.pi * part), np.zeros_like(t), STEP_M * (n + part)
+    points = {
+        "left_heel": np.column_stack([ahead, still, 0.03 + 0.12 * swing]),
+        "left_big_toe": np.column_stack([ahead + 0.2, still, 0.02 + 0.015 * swing]),
+        "right_heel": np.tile([0.0, -0.2, 0.03], (len(t), 1)),
+        "right_big_toe": np.tile([0.2, -0.2, 0.02], (len(t), 1)),
+    }
+    return t, {name: at + noise_m * rng.standard_normal(at.shape) for name, at in points.items()}
+
+
+@pytest.mark.parametrize(("rate_hz", "noise_m"), [(60.0, 0.0), (30.0, 0.003), (200.0, 0.003)])
+def test_a_foot_is_on_the_floor_while_it_stands_not_while_it_swings_close_above(rate_hz, noise_m):
+    found = find_contacts(*steps(rate_hz, noise_m))
+    near = pytest.approx
+    (whole,) = found["right"]
+    assert not whole.comes and not whole.leaves
+    assert [(c.comes, c.leaves) for c in found["left"]] == [(False, True), (True, True), (True, True)]
+    for k, contact in enumerate(found["left"]):  # a speed takes 0.05 s to be seen
+        assert contact.end_s == near(k * (STAND_S + SWING_S) + STAND_S, abs=0.06)
+        assert k == 0 or contact.start_s == near(k * (STAND_S + SWING_S), abs=0.06)
+
+
+def test_feet_leave_the_floor_in_a_jump():
+    motion = known.jump(2.6, 60.0)
+    named = dict(zip(motion.model.landmark_names, np.swapaxes(motion.landmarks_m, 0, 1), strict=True))
+    (jump,) = jumps_of(motion)
+    for first, second in find_contacts(motion.stamps_ns * 1e-9, named).values():
+        assert (first.comes, first.leaves, second.comes, second.leaves) == (False, True, True, False)
+        assert first.end_s == pytest.approx(jump.take_off_s, abs=0.06)
+        assert second.start_s == pytest.approx(jump.landing_s, abs=0.06)
+
+
+def test_gaps_end_contacts_that_nobody_sees_end():
+    t, points = steps(60.0)
+    points["right_heel"][60:80] = np.nan
+    first, second = find_contacts(t, points)["right"]
+    assert not (first.comes or first.leaves or second.comes or second.leaves)
+    assert (first.end_s, second.start_s) == (pytest.approx(t[59]), pytest.approx(t[80]))
+
+
+def test_without_feet_there_are_no_contacts_and_ankles_stand_in_for_heels():
+    t, points = steps(60.0)
+    assert find_contacts(t, {"left_heel": points["left_heel"]}) == {}
+    assert find_contacts(t[:3], {name: at[:3] for name, at in points.items()}) == {}
+    ankles = {name.replace("heel", "ankle"): at + np.array([0.0, 0.0, 0.06]) for name, at in points.items() if "heel" in name}
+    assert find_contacts(t, ankles).keys() == {"left", "right"}
+    nobody = {name: np.full_like(at, np.nan) for name, at in points.items()}
+    assert find_contacts(t, nobody) == {"left": [], "right": []}
+
+
+def test_metrics_of_contacts():
+    found = contact_metrics({"left": [Contact(0.0, 1.0), Contact(2.0, 2.5)], "right": []}, 3.0)
+    assert found == {"contacts_left": 2, "contact_percent_left": 50.0, "contacts_right": 0, "contact_percent_right": 0.0}
+    assert contact_metrics({}, 3.0) == {}

@@ -65,7 +65,7 @@ def folder(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("report", "charts"), [("one", 8), ("two", 11), ("alone", 4)])
+@pytest.mark.parametrize(("report", "charts"), [("one", 9), ("two", 13), ("alone", 5)])
 def test_the_page_draws_every_chart_in_a_browser(folder, report, charts):
     with browser_tab() as tab:
         asked = []

@@ -98,7 +98,13 @@ def test_heights_of_the_jumps(jump):
     assert metrics["jump.jumps"] == 2 and metrics["jump.jump_height_take_off_m"] == pytest.approx(0.01 * height, abs=0.01)
     chart = kinematics.jump_chart(jump)
     assert len(chart.bands) == 2 and chart.filter == "not filtered" and np.ptp(chart.lines[0].y) > height
-    assert [strip.row for strip in kinematics.event_strips(jump).strips] == ["jumps"] * 2
+    strips = kinematics.event_strips(jump).strips
+    assert [strip.row for strip in strips] == [*["left foot"] * 3, *["right foot"] * 3, *["jumps"] * 2]
+    for foot in (strips[:3], strips[3:6]):  # on the floor before, between and after the jumps
+        for before, flight, after in zip(foot, strips[6:], foot[1:], strict=False):
+            assert before.end_s == pytest.approx(flight.start_s, abs=0.06)
+            assert after.start_s == pytest.approx(flight.end_s, abs=0.06)
+    assert metrics["jump.contacts_left"] == 3 and 50.0 < metrics["jump.contact_percent_left"] < 90.0
     assert kinematics.gait_table(jump) is None
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from helpers.sources.small_disk import limited_files
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, _actual_frames, dump_c3d, load_c3d
+from tracker_node.loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, TimedEvent, _actual_frames, dump_c3d, load_c3d
 from tracker_node.loaders.motion.trc import MarkerTrajectories
 
 
@@ -46,6 +46,19 @@ def test_another_reader_sees_points_units_rate_and_gaps(tmp_path):
     assert np.all(frames[:, :3, 3][~seen] == -1.0)
     assert frames[:, :3, :3][seen] == pytest.approx(1000.0 * written.positions_m[seen], abs=1e-3)
     assert frames[:, 3, :3] == pytest.approx(np.full((20, 3), np.rad2deg(0.5)), abs=1e-4)
+
+
+def test_another_reader_sees_events_in_order_of_time(tmp_path):
+    off, strike = TimedEvent(61.5, "Left", "Foot Off"), TimedEvent(0.25, "Right", "Foot Strike")
+    dump_c3d(trajectories(), tmp_path / "a.c3d", events=[off, strike])
+    reader = read_by_another(tmp_path / "a.c3d")[3]
+    assert [text.strip() for text in reader.get("EVENT:LABELS").string_array] == ["Foot Strike", "Foot Off"]
+    assert [text.strip() for text in reader.get("EVENT:CONTEXTS").string_array] == ["Right", "Left"]
+    assert reader.get("EVENT:USED").int16_value == 2
+    assert reader.get("EVENT:TIMES").float_array.ravel() == pytest.approx([0.0, 0.25, 1.0, 1.5])  # minutes, seconds
+    dump_c3d(trajectories(), tmp_path / "b.c3d")
+    assert read_by_another(tmp_path / "b.c3d")[3].get("EVENT") is None
+    assert load_c3d(tmp_path / "a.c3d").names == load_c3d(tmp_path / "b.c3d").names
 
 
 def test_y_up_is_a_turn_of_the_axes(tmp_path):

@@ -11,14 +11,16 @@ import numpy as np
 from ...errors import FileFormatError
 from ...geometry import so3
 from ...loaders.motion.bvh import AXES_Y_UP, dump_bvh
-from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, dump_c3d
+from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, TimedEvent, dump_c3d
 from ...loaders.motion.trajectory_file import dump_tum
 from ...loaders.motion.trc import MarkerTrajectories, NumberTable, dump_table, dump_trc
 from ...model.articulated import ArticulatedModel
 from ...model.humans.measures import MARKER_OF_LANDMARK
 from ...runs.motion import RunMotion, without_gaps
 from .coordinates import model_coordinates, opensim_coordinates
+from .gait import find_gait
 from .isb_angles import isb_angles
+from .jumps import find_contacts
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ class ExportOptions:
         return tuple(MARKER_OF_LANDMARK.get(name, name) for name in names) if self.openpose_names else tuple(names)
 
 
+_DOWN, _OFF = "Foot Strike", "Foot Off"
 AT_CONSTANT_RATE = ("trc", "c3d", "bvh")  # formats that state a rate, or whose readers expect one
 
 
@@ -113,9 +116,33 @@ def _c3d(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
     if options.isb_angles:
         found = isb_angles(motion)
         angles = AnglesOverTime(tuple(f"{joint}Angles" for joint in found.joints), found.radians, found.valid)
-    dump_c3d(markers_of(motion, options), path, options.y_up, options.unit, described, angles, options.degrees)
+    events = foot_events(motion)
+    dump_c3d(markers_of(motion, options), path, options.y_up, options.unit, described, angles, options.degrees, events)
     long = f"{len(motion)} frames: programs that do not know TRIAL:ACTUAL_END_FIELD see the first {MOST_FRAMES}"
     return [long] if len(motion) > MOST_FRAMES else []
+
+
+def foot_events(motion: RunMotion) -> list[TimedEvent]:
+    """When feet come down on the floor and leave it, by strides where somebody walks, under the names that gait programs know.
+
+    Parameters
+    ----------
+    motion : at a constant rate.
+
+    Returns
+    -------
+    Times since its first row; none of a body without feet.
+    """
+    points = np.where(motion.landmarks_valid()[..., None], motion.landmarks_m(), np.nan)
+    named = dict(zip(motion.model.landmark_names, np.swapaxes(points, 0, 1), strict=True))
+    gait = find_gait(motion.times_s, named, {}, motion.rate_hz)
+    found: set[tuple[float, str, str]] = set()
+    for side, foot in gait.strides.items() if gait is not None else ():
+        found |= {(float(t), side, _DOWN) for t in (*foot.starts_s, *foot.ends_s)} | {(float(t), side, _OFF) for t in foot.offs_s}
+    for side, contacts in find_contacts(motion.times_s, named).items() if gait is None else ():
+        found |= {(each.start_s, side, _DOWN) for each in contacts if each.comes}
+        found |= {(each.end_s, side, _OFF) for each in contacts if each.leaves}
+    return [TimedEvent(time_s, side.capitalize(), label) for time_s, side, label in sorted(found)]
 
 
 def _opensim_table(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:

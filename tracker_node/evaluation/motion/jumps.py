@@ -1,6 +1,7 @@
-"""Jumps of a person: when both feet are off the floor and the center of mass falls as everything does, and how high it rose.
+"""When the feet of a person are on the floor, and jumps: when both are off, and the center of mass falls as everything does.
 
-Height is measured in three ways, which agree where the body's size, its masses and the instants are right:
+A foot is on the floor while its heel or its toes are near to where they stand, and hardly slide. Height of a jump is measured in
+three ways, which agree where the body's size, its masses and the instants are right:
 
 - *rise*: highest point of the center of mass less its place at take-off;
 - *take-off*: v^2 / 2g of its upward velocity v at take-off, the slope there of a parabola that falls at g;
@@ -21,6 +22,9 @@ import numpy as np
 GRAVITY = 9.80665
 _CLEAR_M = 0.025  # a foot so far above where it stands is off the floor
 _LOW = 10.0  # percentile of a foot point's height, which is near to where it stands
+_SLIDES_M_S = 0.5  # faster over the floor than this, a foot swings close above it
+_HALF_S = 0.05  # before and after, between which its speed is measured
+_BRIEF_S = 0.08  # shorter times on the floor, or off it, are noise
 _SHORTEST_S = 0.2
 _LINE_S = 0.03  # a foot's way next to the floor that is taken for a straight line
 _OFF_M = 0.006  # a center of mass so far off its parabola does not fall any more
@@ -51,6 +55,89 @@ class Jump:
     air_m: tuple[float, float]
     velocity_m_s: tuple[float, float]
     fall_m_s2: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A foot on the floor.
+
+    Attributes
+    ----------
+    start_s, end_s : instants, half way between two image sets.
+    comes, leaves : whether it is seen to come down, and to leave: a recording may begin, or end, on the floor.
+    """
+
+    start_s: float
+    end_s: float
+    comes: bool = True
+    leaves: bool = True
+
+
+def find_contacts(times_s: np.ndarray, points: Mapping[str, np.ndarray]) -> dict[str, list[Contact]]:
+    """When each foot is on a floor that does not move.
+
+    Parameters
+    ----------
+    times_s : (n,) at a constant rate.
+    points : landmark -> (n, 3) meters, z up; not-a-number in gaps. Heels and big toes, or ankles in place of them.
+
+    Returns
+    -------
+    Side -> contacts in order of time; empty where feet are not known, or never still.
+    """
+    if len(times_s) < _FEWEST:
+        return {}
+    found = {}
+    for side in ("left", "right"):
+        names = {next((name for name in (f"{side}_{part}", f"{side}_ankle") if name in points), "") for part in _FEET[:2]}
+        if "" in names:
+            return {}
+        found[side] = _contacts_of(times_s, np.stack([points[name] for name in sorted(names)], axis=1))
+    return found
+
+
+def _contacts_of(times_s: np.ndarray, foot: np.ndarray) -> list[Contact]:
+    """Of one foot, (n, k, 3) points."""
+    known = np.isfinite(foot).all(axis=(1, 2))
+    if known.sum() < _FEWEST:
+        return []
+    period_s = float(np.median(np.diff(times_s)))
+    half = max(round(_HALF_S / period_s), 1)
+    before, after = (np.clip(np.arange(len(foot)) + step, 0, len(foot) - 1) for step in (-half, half))
+    way = np.linalg.norm(foot[after, :, :2] - foot[before, :, :2], axis=2) / (times_s[after] - times_s[before])[:, None]
+    near = np.abs(foot[..., 2] - _floors(foot[known, :, 2])) < _CLEAR_M
+    down = (near & ~(way > _SLIDES_M_S)).any(axis=1)  # beside a gap the speed is not known
+    brief = round(_BRIEF_S / period_s)
+    for state in (False, True):  # gaps first: what is left of a contact may be brief
+        for first, last in _series(known & (down == state)):
+            inside = first > 0 and last < len(down) - 1 and known[[first - 1, last + 1]].all()
+            if inside and last - first + 1 < brief:
+                down[first : last + 1] = not state
+    found = []
+    for first, last in _series(known & down):
+        comes, leaves = first > 0 and known[first - 1], last < len(down) - 1 and known[last + 1]
+        instants = times_s[first] - 0.5 * period_s * comes, times_s[last] + 0.5 * period_s * leaves
+        found.append(Contact(float(instants[0]), float(instants[1]), bool(comes), bool(leaves)))
+    return found
+
+
+def contact_metrics(contacts: Mapping[str, Sequence[Contact]], length_s: float) -> dict[str, float | int]:
+    """How often and how long feet are on the floor, by key.
+
+    Parameters
+    ----------
+    contacts : of `find_contacts`.
+    length_s : of the recording.
+
+    Returns
+    -------
+    None of a body whose feet are not known.
+    """
+    found: dict[str, float | int] = {}
+    for side, own in contacts.items():
+        found[f"contacts_{side}"] = len(own)
+        found[f"contact_percent_{side}"] = 100.0 * sum(each.end_s - each.start_s for each in own) / length_s
+    return found
 
 
 def jump_metrics(jumps: Sequence[Jump]) -> dict[str, float | int]:

@@ -134,16 +134,19 @@ def _sd(values: np.ndarray) -> float:
 
 
 def event_strips(review: Review) -> Strips | None:
-    """When each foot is on the floor, and jumps; None where nobody walks or jumps."""
+    """When each foot is on the floor, and jumps; None of a body whose feet are not known, and that does not jump."""
     strips = []
     for side in SIDES if review.gait is not None else ():
         foot = review.gait.strides[side]  # type: ignore[union-attr]
         for start, off, end in zip(foot.starts_s, foot.offs_s, foot.ends_s, strict=True):
             strips.append(Strip(f"{side} foot", float(start), float(off), "on the floor", _STEP))
             strips.append(Strip(f"{side} foot", float(off), float(end), "swing", _SWING))
+    for side, contacts in review.contacts.items():
+        strips += [Strip(f"{side} foot", each.start_s, each.end_s, "on the floor", _STEP) for each in contacts]
     strips += [Strip("jumps", jump.take_off_s, jump.landing_s, "in the air", PURPLE) for jump in review.jumps]
     rows = list(dict.fromkeys(strip.row for strip in strips))
-    return Strips(f"events_{review.name}", "Events", "Whole strides and jumps.", rows, strips) if strips else None
+    note = "Whole strides, or feet on the floor, and jumps."
+    return Strips(f"events_{review.name}", "Events", note, rows, strips) if strips else None
 
 
 def gait_table(review: Review) -> Table | None:

@@ -47,6 +47,15 @@ class AnglesOverTime:
     valid: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
 
 
+@dataclass(frozen=True)
+class TimedEvent:
+    """What happened, ``time_s`` after the first frame, on which side (``context``: Left, Right)."""
+
+    time_s: float
+    context: str
+    label: str
+
+
 def dump_c3d(
     markers: MarkerTrajectories,
     path: str | Path,
@@ -55,8 +64,9 @@ def dump_c3d(
     descriptions: Sequence[str] = (),
     angles: AnglesOverTime | None = None,
     degrees: bool = True,
+    events: Sequence[TimedEvent] = (),
 ) -> None:
-    """Write points, at a constant rate, and angles.
+    """Write points, at a constant rate, angles and events.
 
     Parameters
     ----------
@@ -65,6 +75,7 @@ def dump_c3d(
     unit : m, cm or mm. Coordinates are single precision: 0.06 mm at 1 km.
     descriptions : of the markers.
     angles, degrees : at the same times; whether they are written in degrees, or in radians.
+    events : listed in the group ``EVENT``.
 
     Raises
     ------
@@ -88,6 +99,8 @@ def dump_c3d(
     if turned.names:
         set_("POINT", "ANGLES", list(turned.names))
         set_("POINT", "ANGLE_UNITS", ["deg" if degrees else "rad"])
+    if events:
+        _state_events(file, events)
     if n > MOST_FRAMES:
         _state_frames(file, n)
     points = np.ones((4, values.shape[1], n))
@@ -113,12 +126,28 @@ def _check_size(path: Path, n_data: int) -> None:
         raise OSError(errno.EIO, f"the C3D file could not be written whole, only {size} bytes of it")
 
 
+def _state_events(file: Any, events: Sequence[TimedEvent]) -> None:
+    """In order of time, each as minutes and seconds."""
+    listed = sorted(events, key=lambda event: event.time_s)
+    minutes, seconds = np.divmod([event.time_s for event in listed], 60.0)
+    set_ = file.add_parameter
+    _set_integers(file, "EVENT", "USED", [len(listed)])
+    set_("EVENT", "CONTEXTS", [event.context for event in listed])
+    set_("EVENT", "LABELS", [event.label for event in listed])
+    set_("EVENT", "TIMES", np.array([minutes, seconds]))
+
+
 def _state_frames(file: Any, n: int) -> None:
     """First and last frame as two words of 16 bits each, the lower one first."""
     for name, frame in (("ACTUAL_START_FIELD", 1), ("ACTUAL_END_FIELD", n)):
-        file.add_parameter("TRIAL", name, [0, 0])
-        parameter = file["parameters"]["TRIAL"][name]
-        parameter["type"], parameter["value"] = _INTEGER, np.array([frame & 0xFFFF, frame >> 16])
+        _set_integers(file, "TRIAL", name, [frame & 0xFFFF, frame >> 16])
+
+
+def _set_integers(file: Any, group: str, name: str, values: Sequence[int]) -> None:
+    """A parameter of words of 16 bits; ezc3d would make numbers with a fraction of them."""
+    file.add_parameter(group, name, list(values))
+    parameter = file["parameters"][group][name]
+    parameter["type"], parameter["value"] = _INTEGER, np.array(values)
 
 
 def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:

@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""When feet of rendered people are on the floor, by the tracked body against the exact ankles and toes: another body (anny).
+
+Clips, body and parameters as of ``clothed.py``: the human with ankles, region and keypoints, no start; online states. Both sides
+are judged by the same rule, `evaluation.motion.jumps.find_contacts`.
+
+``contacts.agree``: share of the image sets of both feet in which they say the same; ``contacts.instant_ms``, ``_p95_ms``: between
+instants at which a foot comes down or leaves, and the nearest of the same kind within 0.25 s; ``missed``, ``invented``: shares of
+the true, and of the tracked instants, that have none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
+
+from benchmark._arguments import parser_of
+from benchmark.clothed._people import KeptPeople
+from benchmark.clothed._recording import RATE_HZ, ClothedClip, load_clip
+from benchmark.clothed._runs import TOGETHER, settings
+from benchmark.contour._runs import print_circumstances
+from tracker_node.errors import SourceError, TrackerError
+from tracker_node.evaluation.motion.jumps import Contact, find_contacts
+from tracker_node.loaders.fetched_files import pose_weights
+from tracker_node.model.configuration import Configuration
+from tracker_node.report.metrics_file import report_metrics
+from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.tracker import Tracker
+
+REACH_S = 0.25
+QUICK_CLIPS = 2
+FEET = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("heel", "big_toe"))
+TRUE_FEET = tuple(name.replace("heel", "ankle") for name in FEET)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    args = _arguments(arguments)
+    cv2.setNumThreads(1)
+    try:
+        folders = args.clips or [folder for seed in range(1, 13) if (folder := args.drawn / f"clip_{seed}").is_dir()]
+        if not folders:
+            raise SourceError(args.drawn, "no clips; draw them by benchmark/clothed/draw_clips.py")
+        found = [compared(load_clip(folder), args) for folder in (folders[:QUICK_CLIPS] if args.quick else folders)]
+    except TrackerError as error:
+        print(f"contacts: error: {error}", file=sys.stderr)
+        return 2
+    print_circumstances()
+    report_metrics(figures(found), args.json)
+    return 0
+
+
+def compared(clip: ClothedClip, args: argparse.Namespace) -> tuple[np.ndarray, list[float], list[int]]:
+    """Whether both say the same, by foot and set; seconds between instants; how many: true, missed, tracked, invented."""
+    points, times_s = tracked(clip, args), np.arange(len(clip)) / RATE_HZ
+    truth = {name: np.array([row[name] for row in clip.targets]) for name in TRUE_FEET}
+    own, true = find_contacts(times_s, points), find_contacts(times_s, truth)
+    same = np.array([_down(own[side], times_s) == _down(true[side], times_s) for side in true])
+    apart, counts = [], [0, 0, 0, 0]
+    for side, contacts in true.items():
+        for ours, theirs in zip(_instants(own[side]), _instants(contacts), strict=True):
+            near = [float(np.abs(ours - t).min()) if len(ours) else np.inf for t in theirs]
+            far = [float(np.abs(theirs - t).min()) if len(theirs) else np.inf for t in ours]
+            apart += [each for each in near if each <= REACH_S]
+            kinds = len(near), sum(each > REACH_S for each in near), len(far), sum(each > REACH_S for each in far)
+            counts = [a + b for a, b in zip(counts, kinds, strict=True)]
+    print(f"{clip.name}: same {same.mean():.3f}; {counts[0]} instants, {counts[1]} missed, {counts[3]} invented", file=sys.stderr)
+    return same.ravel(), apart, counts
+
+
+def tracked(clip: ClothedClip, args: argparse.Namespace) -> Mapping[str, np.ndarray]:
+    """Heels and toes in every image set; not-a-number where the body is lost."""
+    people = KeptPeople(pose_weights(), args.output / f"{clip.name}_full.sqlite", args.near)
+    tracker = Tracker(clip.rig, clip.model, settings(TOGETHER, args.changes))
+    columns = [clip.model.landmark_index(name) for name in FEET]
+    points = np.full((len(clip), len(FEET), 3), np.nan)
+    for row, image_set in enumerate(clip.sets()):
+        estimate = tracker.step(people.with_people(tracker, image_set)[0])
+        if estimate.status.has_state and estimate.status is not Status.LOST:
+            points[row] = Configuration(clip.model, estimate.state).landmarks_world[columns]
+    return dict(zip(FEET, np.swapaxes(points, 0, 1), strict=True))
+
+
+def _down(contacts: list[Contact], times_s: np.ndarray) -> np.ndarray:
+    """(n,) whether a foot is on the floor."""
+    result = np.zeros(len(times_s), dtype=bool)
+    for each in contacts:
+        result |= (times_s >= each.start_s) & (times_s <= each.end_s)
+    return result
+
+
+def _instants(contacts: list[Contact]) -> tuple[np.ndarray, np.ndarray]:
+    """When a foot is seen to come down, and to leave."""
+    return np.array([c.start_s for c in contacts if c.comes]), np.array([c.end_s for c in contacts if c.leaves])
+
+
+def figures(found: list[tuple[np.ndarray, list[float], list[int]]]) -> dict[str, float | int]:
+    """Metrics over all clips."""
+    same, apart = np.concatenate([each[0] for each in found]), np.array([t for each in found for t in each[1]])
+    true, missed, tracked, invented = np.sum([each[2] for each in found], axis=0).tolist()
+    return {
+        "contacts.agree": float(same.mean()),
+        "contacts.instant_ms": 1e3 * float(np.median(apart)) if len(apart) else float("nan"),
+        "contacts.instant_p95_ms": 1e3 * float(np.percentile(apart, 95)) if len(apart) else float("nan"),
+        "contacts.instants": true,
+        "contacts.missed": missed / max(true, 1),
+        "contacts.invented": invented / max(tracked, 1),
+    }
+
+
+def _arguments(arguments: list[str] | None) -> argparse.Namespace:
+    example = "OMP_NUM_THREADS=1 python benchmark/clothed/angles/contacts.py --clips out/clothed/clip_1"
+    parser = parser_of(__doc__, example, "two clips")
+    add = parser.add_argument
+    add("--clips", nargs="+", type=Path, metavar="FOLDER", help="these clips")
+    add("--drawn", type=Path, default=Path("out/clothed"), metavar="FOLDER", help="of clip_1 to clip_12 (default: %(default)s)")
+    add("--near", action="store_true", help="take what was found in nearly the same crop: while the tracker is worked on")
+    add("--output", type=Path, default=Path("out/benchmark/clothed"), metavar="FOLDER", help="of what the network finds")
+    add("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
