@@ -18,6 +18,7 @@ from ...loaders.bag.reader import BagReader
 from ...loaders.images.source import SourceOptions, open_camera_source
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration
+from ...parallel import Workers
 from ...render.overlay import draw_overlay, masked_image
 from ...render.raycast.raycaster import render_mask
 from ...runs.data import RunData
@@ -26,6 +27,7 @@ from ..evaluate import SilhouetteScores, image_numbers
 from ..metrics import intersection_over_union
 from .reference import CameraMasks, read_still
 
+_THREADS = 2  # that share the cameras
 SAME_TIME_STEP = 0.45  # images: how far an image's stamp may be from that of its set
 
 
@@ -114,13 +116,25 @@ def review_images(
         bags = image_bags_of(run.bag, run.info, rig.names)
     except TrackerError as error:
         return ImageReview(problems=[str(error)])
-    task, review = _Task(run, model, period_ns, row_of, shown, options, bags), ImageReview()
-    for camera in rig:
+    task = _Task(run, model, period_ns, row_of, shown, options, bags)
+
+    def of_camera(camera: Camera) -> ImageReview:
         progress(f"images of {camera.name}")
         try:
-            _review_camera(task, camera, masks.get(camera.name), review)
+            return _review_camera(task, camera, masks.get(camera.name))
         except TrackerError as error:
-            review.problems.append(str(error))
+            return ImageReview(problems=[str(error)])
+
+    return _together(Workers(_THREADS).map(of_camera, list(rig)))
+
+
+def _together(cameras: Sequence[ImageReview]) -> ImageReview:
+    review = ImageReview()
+    for each in cameras:
+        review.pictures += each.pictures
+        review.problems += each.problems
+        for part in ("kind", "numbers", "ious"):
+            getattr(review.scores, part).update(getattr(each.scores, part))
     return review
 
 
@@ -139,7 +153,8 @@ def spread(n: int, k: int) -> list[int]:
     return sorted({round(i) for i in np.linspace(0, n - 1, min(n, k))}) if n and k > 0 else []
 
 
-def _review_camera(task: _Task, camera: Camera, masks: CameraMasks | None, review: ImageReview) -> None:
+def _review_camera(task: _Task, camera: Camera, masks: CameraMasks | None) -> ImageReview:
+    review = ImageReview()
     wanted = set(masks.image_numbers(max(task.row_of) + 1)) & set(task.row_of) if masks else set()
     still = _still(camera, masks) if masks else None
     box = _box([task.configuration(number) for number in sorted(task.shown)], camera)
@@ -159,6 +174,7 @@ def _review_camera(task: _Task, camera: Camera, masks: CameraMasks | None, revie
         review.scores.kind[camera.name] = "drawn by hand" if masks.still is None else "difference to a still image"
         review.scores.numbers[camera.name] = numbers
         review.scores.ious[camera.name] = ious
+    return review
 
 
 def _of_height(picture: np.ndarray, height: int) -> np.ndarray:
