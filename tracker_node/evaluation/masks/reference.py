@@ -269,7 +269,7 @@ class CameraMasks:
         if image_bgr is None or still_bgr is None:
             raise ValueError("expected the image and the still for a mask by difference")
         seen = np.stack([each[::_SAMPLED, ::_SAMPLED] for each in (image_bgr, still_bgr)])
-        digest = hashlib.sha1(seen, usedforsecurity=False).digest()
+        digest = hashlib.sha1(seen.tobytes(), usedforsecurity=False).digest()
         if digest not in self._made:
             self._made[digest] = np.packbits(still_difference_mask(image_bgr, still_bgr) > 0, axis=1)
         return 255 * np.unpackbits(self._made[digest], axis=1, count=image_bgr.shape[1])
