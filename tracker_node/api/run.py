@@ -209,7 +209,7 @@ def joints(motion: RunMotion) -> pandas.DataFrame:
     """Table of `Run.joints`."""
     pd = extra_module("pandas", "data")
     names = pd.MultiIndex.from_product([motion.model.landmark_names, AXES], names=["landmark", "axis"])
-    return pd.DataFrame(_positions(motion).reshape(len(motion), -1), index=_times(pd, motion.stamps_ns), columns=names)
+    return pd.DataFrame(motion.landmarks_or_nan_m().reshape(len(motion), -1), index=_times(pd, motion.stamps_ns), columns=names)
 
 
 def joint_angles(motion: RunMotion, convention: str = "model", unit: str = "deg") -> pandas.DataFrame:
@@ -261,7 +261,9 @@ def dataset(run: RunData, motion: RunMotion) -> xarray.Dataset:
         "status": (("time",), names),
         "residual": (("time",), run.residual),
         "iterations": (("time",), run.iterations),
-        "position": (("time", "landmark", "axis"), _positions(motion), {"units": "m", "long_name": "landmarks, world axes"}),
+        "position": (
+            ("time", "landmark", "axis"), motion.landmarks_or_nan_m(), {"units": "m", "long_name": "landmarks, world axes"},
+        ),
     }
     coordinates: dict[str, Any] = {
         "time": ("time", _seconds(run.stamps_ns), {"units": "s"}),
@@ -282,11 +284,6 @@ def dataset(run: RunData, motion: RunMotion) -> xarray.Dataset:
             limbs = np.array([[LimbStatus(int(number)).name for number in row] for row in run.details.limb_status])
             variables["limb_status"] = (("time", "limb"), limbs)
     return xr.Dataset(variables, coordinates, {"model": model.name})
-
-
-def _positions(motion: RunMotion) -> np.ndarray:
-    """(n, n_landmarks, 3) m, NaN in gaps."""
-    return np.where(motion.landmarks_valid()[..., None], motion.landmarks_m(), np.nan)
 
 
 def _seconds(stamps_ns: np.ndarray) -> np.ndarray:

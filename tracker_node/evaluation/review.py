@@ -21,10 +21,10 @@ from .consistency import NeesSeries, landmark_nees, state_nees
 from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, evaluate, expected_sets
 from .masks.silhouettes import Picture
 from .metrics import Spread, intervals, reacquisition_times, spread_of, times_with_gaps
-from .motion.gait import Gait, find_gait
+from .motion.gait import Gait, find_gait, foot_contacts
 from .motion.inverse_kinematics import InverseKinematics
 from .motion.joint_motion import AUTO, CUTOFFS, JointMotion, Ranges, joint_motion, ranges, treatment
-from .motion.jumps import Contact, Jump, contact_metrics, find_contacts, find_jumps, jump_metrics
+from .motion.jumps import FootContacts, Jump, contact_metrics, find_jumps, jump_metrics
 from .motion.kinematics import MOST_OF_RATE
 from .pose_metrics import ROWS, RigidErrors, SegmentErrors, StateErrors, link_poses, rigid_errors, segment_errors, state_errors
 from .truth.association import image_period_ns
@@ -134,7 +134,7 @@ class Review:
     def _points(self) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray | None]:
         """Times (k,), landmarks -> (k, 3) and center of mass (k, 3) of `motion`, not-a-number in gaps."""
         assert self.motion is not None
-        points = np.where(self.motion.landmarks_valid()[..., None], self.motion.landmarks_m(), np.nan)
+        points = self.motion.landmarks_or_nan_m()
         named = dict(zip(self.model.landmark_names, np.swapaxes(points, 0, 1), strict=True))
         return self.motion.times_s + self.times_s[0], named, mass_center(self.model.landmark_names, points)
 
@@ -153,12 +153,12 @@ class Review:
         return find_jumps(*self._points) if self.motion is not None else []
 
     @cached_property
-    def contacts(self) -> dict[str, list[Contact]]:
-        """Side -> when the foot is on the floor, of somebody who does not walk: strides tell that, on a treadmill, too."""
-        if self.motion is None or self.gait is not None:
+    def contacts(self) -> dict[str, FootContacts]:
+        """Side -> when the foot is on the floor."""
+        if self.motion is None:
             return {}
         times, points, _ = self._points
-        return find_contacts(times, points)
+        return foot_contacts(times, points, self.gait)
 
     @property
     def center_m(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -201,7 +201,7 @@ class Review:
         for part in (self._joint_metrics, self._loss_metrics, self._state_metrics, self._nees_metrics, self._own_metrics):
             metrics |= part()
         metrics |= {} if self.gait is None else self.gait.metrics()
-        metrics |= contact_metrics(self.contacts, float(np.ptp(self._points[0]))) if self.contacts else {}
+        metrics |= contact_metrics(self.contacts)
         metrics |= jump_metrics(self.jumps)
         metrics |= {} if self.opensim is None else self.opensim.metrics()
         landmarks = {key: metrics.pop(key) for key in list(metrics) if key.startswith("landmark_mm.")}

@@ -71,6 +71,10 @@ class RunMotion:
             points[i] = self.configuration(i).landmarks_world
         return points
 
+    def landmarks_or_nan_m(self) -> np.ndarray:
+        """(n, n_landmarks, 3) in the world; not-a-number where not valid."""
+        return np.where(self.landmarks_valid()[..., None], self.landmarks_m(), np.nan)
+
     def Ts_world_link(self) -> np.ndarray:
         """(n, n_links, 4, 4); identities where not valid."""
         transforms = np.tile(np.eye(4), (len(self), len(self.model.chain.links), 1, 1))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.motion.gait import N_PARTS, find_gait
+from tracker_node.evaluation.motion.gait import N_PARTS, Gait, Strides, find_gait, foot_contacts
 
 RATE_HZ, STRIDE_S, SPEED, STANCE = 60.0, 1.1, 1.3, 0.62
 SWING_M = 0.32
@@ -86,3 +86,22 @@ def test_who_stands_or_lacks_feet_does_not_walk():
     assert find_gait(times, {"left_hip": points["left_hip"]}, angles, RATE_HZ) is None
     assert find_gait(*walk(seconds=1.5), RATE_HZ) is None
     assert find_gait(*walk(stance=(0.4, 0.4)), RATE_HZ) is None  # who swings the legs in the air
+
+
+def test_contacts_are_those_of_strides_and_others_before_between_and_after_them():
+    """Two strides from 1 to 3 s, feet that stand again until 3.6 s and from 4 s on; contacts come some hundredths later."""
+    rate_hz = 100.0
+    t = np.arange(600) / rate_hz
+    up = ((t > 0.7) & (t < 1.0)) | ((t > 1.6) & (t < 2.04)) | ((t > 2.65) & (t < 3.05)) | ((t > 3.6) & (t < 4.0))
+    height = np.where(up, 0.2, 0.0)
+    foot = np.column_stack([np.zeros_like(t), np.zeros_like(t), height])
+    points = {f"{side}_{end}": foot for side in ("left", "right") for end in ("heel", "big_toe")}
+    times = np.array([1.0, 2.0]), np.array([1.62, 2.62]), np.array([2.0, 3.0])
+    strides = Strides(*times, np.full(2, np.nan), np.full(2, np.nan), {})
+    found = foot_contacts(t, points, Gait({"left": strides, "right": strides}, 1.0))["left"].contacts
+    assert [(c.comes, c.leaves) for c in found] == [(False, True), (True, True), (True, True), (True, True), (True, False)]
+    starts, ends = np.array([(c.start_s, c.end_s) for c in found]).T
+    assert starts == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0], abs=0.011)
+    assert ends == pytest.approx([0.7, 1.62, 2.62, 3.6, t[-1]], abs=0.011)
+    alone = foot_contacts(t, points, None)["left"].contacts
+    assert [c.start_s for c in alone][1:4] == pytest.approx([1.0, 2.04, 3.05], abs=0.011)

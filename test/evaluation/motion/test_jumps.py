@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from helpers.motion import known_motions as known
-from tracker_node.evaluation.motion.jumps import GRAVITY, Contact, Jump, contact_metrics, find_contacts, find_jumps, jump_metrics
+from tracker_node.evaluation.motion.jumps import (
+    GRAVITY,
+    Contact,
+    FootContacts,
+    Jump,
+    contact_metrics,
+    find_contacts,
+    find_jumps,
+    jump_metrics,
+)
 from tracker_node.model.humans.masses import mass_center
 from tracker_node.synthesis.motions.deepmimic import load_motion
 from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
@@ -126,10 +135,11 @@ def steps(rate_hz: float, noise_m: float = 0.0) -> tuple[np.ndarray, dict[str, n
 def test_a_foot_is_on_the_floor_while_it_stands_not_while_it_swings_close_above(rate_hz, noise_m):
     found = find_contacts(*steps(rate_hz, noise_m))
     near = pytest.approx
-    (whole,) = found["right"]
+    (whole,) = found["right"].contacts
     assert not whole.comes and not whole.leaves
-    assert [(c.comes, c.leaves) for c in found["left"]] == [(False, True), (True, True), (True, True)]
-    for k, contact in enumerate(found["left"]):  # a speed takes 0.05 s to be seen
+    left = found["left"].contacts
+    assert [(c.comes, c.leaves) for c in left] == [(False, True), (True, True), (True, True)]
+    for k, contact in enumerate(left):  # a speed takes 0.05 s to be seen
         assert contact.end_s == near(k * (STAND_S + SWING_S) + STAND_S, abs=0.06)
         assert k == 0 or contact.start_s == near(k * (STAND_S + SWING_S), abs=0.06)
 
@@ -138,18 +148,45 @@ def test_feet_leave_the_floor_in_a_jump():
     motion = known.jump(2.6, 60.0)
     named = dict(zip(motion.model.landmark_names, np.swapaxes(motion.landmarks_m, 0, 1), strict=True))
     (jump,) = jumps_of(motion)
-    for first, second in find_contacts(motion.stamps_ns * 1e-9, named).values():
+    for foot in find_contacts(motion.stamps_ns * 1e-9, named).values():
+        first, second = foot.contacts
         assert (first.comes, first.leaves, second.comes, second.leaves) == (False, True, True, False)
         assert first.end_s == pytest.approx(jump.take_off_s, abs=0.06)
         assert second.start_s == pytest.approx(jump.landing_s, abs=0.06)
 
 
+def test_a_foot_that_is_held_up_is_not_on_the_floor():
+    t, points = steps(60.0)
+    for name in ("left_heel", "left_big_toe"):
+        points[name] = np.tile(points[name][0] + np.array([0.0, 0.0, 0.4]), (len(t), 1))
+    found = find_contacts(t, points)
+    assert found["left"].contacts == () and len(found["right"].contacts) == 1
+    assert contact_metrics(found)["contact_percent_left"] == 0.0
+
+
 def test_gaps_end_contacts_that_nobody_sees_end():
     t, points = steps(60.0)
     points["right_heel"][60:80] = np.nan
-    first, second = find_contacts(t, points)["right"]
+    found = find_contacts(t, points)["right"]
+    first, second = found.contacts
     assert not (first.comes or first.leaves or second.comes or second.leaves)
     assert (first.end_s, second.start_s) == (pytest.approx(t[59]), pytest.approx(t[80]))
+    assert found.seen_s == pytest.approx((len(t) - 20) / 60.0)
+    assert contact_metrics({"right": found})["contact_percent_right"] == pytest.approx(100.0, abs=3.0)
+
+
+def test_beside_a_gap_in_its_swing_a_foot_is_not_on_the_floor():
+    t, points = steps(60.0)
+    swing = (t > STAND_S + 0.15) & (t < STAND_S + 0.25)
+    whole = find_contacts(t, points)["left"].contacts
+    for name in ("left_heel", "left_big_toe"):
+        points[name][swing] = np.nan
+    assert find_contacts(t, points)["left"].contacts == whole
+    points["left_heel"][:] = points["left_heel"][:1]  # beside toes that swing, for an instant seen alone
+    points["left_heel"][:, 2] += 1.0
+    alone = np.flatnonzero(swing)[2]
+    points["left_heel"][alone], points["left_big_toe"][alone] = [0.0, 0.0, 1.0], [0.0, 0.0, 0.02]
+    assert not any(c.start_s <= t[alone] <= c.end_s for c in find_contacts(t, points)["left"].contacts)
 
 
 def test_without_feet_there_are_no_contacts_and_ankles_stand_in_for_heels():
@@ -158,11 +195,12 @@ def test_without_feet_there_are_no_contacts_and_ankles_stand_in_for_heels():
     assert find_contacts(t[:3], {name: at[:3] for name, at in points.items()}) == {}
     ankles = {name.replace("heel", "ankle"): at + np.array([0.0, 0.0, 0.06]) for name, at in points.items() if "heel" in name}
     assert find_contacts(t, ankles).keys() == {"left", "right"}
-    nobody = {name: np.full_like(at, np.nan) for name, at in points.items()}
-    assert find_contacts(t, nobody) == {"left": [], "right": []}
+    one = {name: np.full_like(at, np.nan) if "left" in name else at for name, at in points.items()}
+    assert find_contacts(t, one).keys() == {"right"}
+    assert contact_metrics(find_contacts(t, {name: np.full_like(at, np.nan) for name, at in points.items()})) == {}
 
 
 def test_metrics_of_contacts():
-    found = contact_metrics({"left": [Contact(0.0, 1.0), Contact(2.0, 2.5)], "right": []}, 3.0)
+    left = FootContacts((Contact(0.0, 1.0), Contact(2.0, 2.5)), 3.0)
+    found = contact_metrics({"left": left, "right": FootContacts((), 3.0)})
     assert found == {"contacts_left": 2, "contact_percent_left": 50.0, "contacts_right": 0, "contact_percent_right": 0.0}
-    assert contact_metrics({}, 3.0) == {}

@@ -102,8 +102,8 @@ def test_heights_of_the_jumps(jump):
     assert [strip.row for strip in strips] == [*["left foot"] * 3, *["right foot"] * 3, *["jumps"] * 2]
     for foot in (strips[:3], strips[3:6]):  # on the floor before, between and after the jumps
         for before, flight, after in zip(foot, strips[6:], foot[1:], strict=False):
-            assert before.end_s == pytest.approx(flight.start_s, abs=0.06)
-            assert after.start_s == pytest.approx(flight.end_s, abs=0.06)
+            assert before.end == pytest.approx(flight.start, abs=0.06)
+            assert after.start == pytest.approx(flight.end, abs=0.06)
     assert metrics["jump.contacts_left"] == 3 and 50.0 < metrics["jump.contact_percent_left"] < 90.0
     assert kinematics.gait_table(jump) is None
 

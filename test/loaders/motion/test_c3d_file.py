@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 
 from helpers.sources.small_disk import limited_files
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, TimedEvent, _actual_frames, dump_c3d, load_c3d
+from tracker_node.loaders.motion.c3d_file import (
+    MOST_EVENTS,
+    MOST_FRAMES,
+    AnglesOverTime,
+    TimedEvent,
+    _actual_frames,
+    dump_c3d,
+    load_c3d,
+)
 from tracker_node.loaders.motion.trc import MarkerTrajectories
 
 
@@ -59,6 +67,13 @@ def test_another_reader_sees_events_in_order_of_time(tmp_path):
     dump_c3d(trajectories(), tmp_path / "b.c3d")
     assert read_by_another(tmp_path / "b.c3d")[3].get("EVENT") is None
     assert load_c3d(tmp_path / "a.c3d").names == load_c3d(tmp_path / "b.c3d").names
+
+
+def test_of_too_many_events_the_first_are_written(tmp_path):
+    dump_c3d(trajectories(), tmp_path / "a.c3d", events=[TimedEvent(0.1 * i, "Left", "Foot Off") for i in range(600)])
+    reader = read_by_another(tmp_path / "a.c3d")[3]
+    assert reader.get("EVENT:USED").int16_value == MOST_EVENTS == len(reader.get("EVENT:LABELS").string_array)
+    assert load_c3d(tmp_path / "a.c3d").names == trajectories().names
 
 
 def test_y_up_is_a_turn_of_the_axes(tmp_path):

@@ -19,7 +19,7 @@ import numpy as np
 from ...errors import FileFormatError, SourceError
 from ...loaders.json_values import read_json
 
-_SAMPLED = 4  # every so many rows and columns tell images from others
+_SAMPLED = 4  # every so many rows and columns tell a video's image from another's: all would take as long as half a mask
 COARSE = 4  # the body is searched at this fraction of the size
 
 
@@ -244,7 +244,7 @@ class CameraMasks:
     height: int
     polygons: Mapping[int, list[np.ndarray]] = field(default_factory=dict)
     still: str | None = None
-    _made: dict[bytes, np.ndarray] = field(default_factory=dict, repr=False)  # digest of images -> bits: one for all runs
+    _made: dict[tuple[int, bytes], np.ndarray] = field(default_factory=dict, repr=False)  # number, digest -> bits
 
     def image_numbers(self, n_images: int) -> list[int]:
         """Numbers of the images below ``n_images`` that have a mask."""
@@ -268,11 +268,13 @@ class CameraMasks:
             return polygon_mask(self.polygons[number], self.width, self.height)
         if image_bgr is None or still_bgr is None:
             raise ValueError("expected the image and the still for a mask by difference")
-        seen = np.stack([each[::_SAMPLED, ::_SAMPLED] for each in (image_bgr, still_bgr)])
-        digest = hashlib.sha1(seen.tobytes(), usedforsecurity=False).digest()
-        if digest not in self._made:
-            self._made[digest] = np.packbits(still_difference_mask(image_bgr, still_bgr) > 0, axis=1)
-        return 255 * np.unpackbits(self._made[digest], axis=1, count=image_bgr.shape[1])
+        seen = hashlib.sha1(usedforsecurity=False)
+        for each in (image_bgr, still_bgr):
+            seen.update(each[::_SAMPLED, ::_SAMPLED].tobytes())
+        key = number, seen.digest()
+        if key not in self._made:
+            self._made[key] = np.packbits(still_difference_mask(image_bgr, still_bgr) > 0, axis=1)
+        return 255 * np.unpackbits(self._made[key], axis=1, count=image_bgr.shape[1])
 
 
 def load_reference_masks(path: str | Path) -> dict[str, CameraMasks]:

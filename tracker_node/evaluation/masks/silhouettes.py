@@ -99,7 +99,7 @@ def review_images(
     masks : camera -> reference masks; others get pictures only.
     period_ns : of the images.
     options : what is shown.
-    progress : is given a sentence for each camera.
+    progress : is given a sentence for each camera, from several threads.
 
     Returns
     -------

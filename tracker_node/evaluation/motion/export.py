@@ -11,16 +11,15 @@ import numpy as np
 from ...errors import FileFormatError
 from ...geometry import so3
 from ...loaders.motion.bvh import AXES_Y_UP, dump_bvh
-from ...loaders.motion.c3d_file import MOST_FRAMES, AnglesOverTime, TimedEvent, dump_c3d
+from ...loaders.motion.c3d_file import MOST_EVENTS, MOST_FRAMES, AnglesOverTime, TimedEvent, dump_c3d
 from ...loaders.motion.trajectory_file import dump_tum
 from ...loaders.motion.trc import MarkerTrajectories, NumberTable, dump_table, dump_trc
 from ...model.articulated import ArticulatedModel
 from ...model.humans.measures import MARKER_OF_LANDMARK
 from ...runs.motion import RunMotion, without_gaps
 from .coordinates import model_coordinates, opensim_coordinates
-from .gait import find_gait
+from .gait import find_gait, foot_contacts
 from .isb_angles import isb_angles
-from .jumps import find_contacts
 
 
 @dataclass(frozen=True)
@@ -118,12 +117,13 @@ def _c3d(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:
         angles = AnglesOverTime(tuple(f"{joint}Angles" for joint in found.joints), found.radians, found.valid)
     events = foot_events(motion)
     dump_c3d(markers_of(motion, options), path, options.y_up, options.unit, described, angles, options.degrees, events)
+    notes = [f"{len(events)} events, of which C3D holds {MOST_EVENTS}"] if len(events) > MOST_EVENTS else []
     long = f"{len(motion)} frames: programs that do not know TRIAL:ACTUAL_END_FIELD see the first {MOST_FRAMES}"
-    return [long] if len(motion) > MOST_FRAMES else []
+    return notes + ([long] if len(motion) > MOST_FRAMES else [])
 
 
 def foot_events(motion: RunMotion) -> list[TimedEvent]:
-    """When feet come down on the floor and leave it, by strides where somebody walks, under the names that gait programs know.
+    """When feet come down on the floor and leave it, under the names that gait programs know.
 
     Parameters
     ----------
@@ -131,18 +131,15 @@ def foot_events(motion: RunMotion) -> list[TimedEvent]:
 
     Returns
     -------
-    Times since its first row; none of a body without feet.
+    In order of time, since its first row; none of a body without feet.
     """
-    points = np.where(motion.landmarks_valid()[..., None], motion.landmarks_m(), np.nan)
-    named = dict(zip(motion.model.landmark_names, np.swapaxes(points, 0, 1), strict=True))
-    gait = find_gait(motion.times_s, named, {}, motion.rate_hz)
+    points = dict(zip(motion.model.landmark_names, np.swapaxes(motion.landmarks_or_nan_m(), 0, 1), strict=True))
+    gait = find_gait(motion.times_s, points, {}, motion.rate_hz)
     found: set[tuple[float, str, str]] = set()
-    for side, foot in gait.strides.items() if gait is not None else ():
-        found |= {(float(t), side, _DOWN) for t in (*foot.starts_s, *foot.ends_s)} | {(float(t), side, _OFF) for t in foot.offs_s}
-    for side, contacts in find_contacts(motion.times_s, named).items() if gait is None else ():
-        found |= {(each.start_s, side, _DOWN) for each in contacts if each.comes}
-        found |= {(each.end_s, side, _OFF) for each in contacts if each.leaves}
-    return [TimedEvent(time_s, side.capitalize(), label) for time_s, side, label in sorted(found)]
+    for side, foot in foot_contacts(motion.times_s, points, gait).items():
+        found |= {(each.start_s, side.capitalize(), _DOWN) for each in foot.contacts if each.comes}
+        found |= {(each.end_s, side.capitalize(), _OFF) for each in foot.contacts if each.leaves}
+    return [TimedEvent(*each) for each in sorted(found)]
 
 
 def _opensim_table(motion: RunMotion, path: Path, options: ExportOptions) -> list[str]:

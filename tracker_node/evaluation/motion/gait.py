@@ -8,13 +8,14 @@ whether the floor moves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-SIDES = ("left", "right")
+from .jumps import ENDS, SIDES, Contact, FootContacts, find_contacts, foot_names
+
 N_PARTS = 101  # of a stride, 0 to 100 %
 _CUTOFF_HZ, _HEADING_HZ = 6.0, 0.5
 _SWING_M = 0.2  # a foot swings at least so far beside the pelvis
@@ -22,7 +23,7 @@ _STRIDE_S = (0.5, 2.5)
 _STANCE = (0.45, 0.8)  # of a walk: who runs, or swings the legs in the air, has less
 _LEAST_WAY_M = 0.1  # over ground
 _FEWEST_STRIDES = 2  # of each foot, of fewer nobody is said to walk
-_POINTS = {"heel": ("heel", "ankle"), "toe": ("big_toe", "ankle")}  # the first that there is
+_SAME_S = 0.15  # from a stride to a contact that is the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +93,8 @@ def find_gait(
     -------
     None where nobody walks, or landmarks are missing.
     """
-    named = {(side, end): _first_of(points, side, names) for side in SIDES for end, names in _POINTS.items()}
-    if "" in named.values() or not {"left_hip", "right_hip"} <= points.keys() or len(times_s) < 3:
+    named = foot_names(points)
+    if not named or not {"left_hip", "right_hip"} <= points.keys() or len(times_s) < 3:
         return None
     feet = {place: points[name] for place, name in named.items()}
     hips = points["left_hip"], points["right_hip"]
@@ -103,8 +104,8 @@ def find_gait(
     ahead = np.column_stack([across[:, 1], -across[:, 0]]) / np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
     events = {}
     for side in SIDES:
-        before = {end: np.sum((feet[side, end] - middle)[:, :2] * ahead, axis=1)[:, None] for end in _POINTS}
-        heel, toe = (_smooth(before[end], valid, rate_hz, _CUTOFF_HZ)[:, 0] for end in _POINTS)
+        before = {end: np.sum((feet[side, end] - middle)[:, :2] * ahead, axis=1)[:, None] for end in ENDS}
+        heel, toe = (_smooth(before[end], valid, rate_hz, _CUTOFF_HZ)[:, 0] for end in ENDS)
         events[side] = _peaks(times_s, heel, valid, rate_hz), _peaks(times_s, -toe, valid, rate_hz)
     strides = {}
     for side, other in zip(SIDES, SIDES[::-1], strict=True):
@@ -115,9 +116,35 @@ def find_gait(
     return Gait(strides, _speed(times_s, middle, strides))
 
 
-def _first_of(points: Mapping[str, np.ndarray], side: str, names: tuple[str, ...]) -> str:
-    """The landmark of a side that there is; empty where there is none of them."""
-    return next((f"{side}_{name}" for name in names if f"{side}_{name}" in points), "")
+def foot_contacts(times_s: np.ndarray, points: Mapping[str, np.ndarray], gait: Gait | None) -> dict[str, FootContacts]:
+    """When each foot is on the floor: by strides, on a treadmill, too, and beside them by where it stands.
+
+    Parameters
+    ----------
+    times_s, points : as of `find_gait`.
+    gait : what that has found.
+
+    Returns
+    -------
+    By side; see `find_contacts`.
+    """
+    found = find_contacts(times_s, points)
+    if gait is None:
+        return found
+    return {side: replace(foot, contacts=_beside(gait.strides[side], foot.contacts)) for side, foot in found.items()}
+
+
+def _beside(foot: Strides, contacts: Sequence[Contact]) -> tuple[Contact, ...]:
+    """Those of the strides, and what is left of others before, between and after them."""
+    result = [Contact(float(start), float(off)) for start, off in zip(foot.starts_s, foot.offs_s, strict=True)]
+    spans = list(zip(foot.starts_s.tolist(), foot.ends_s.tolist(), strict=True))
+    ends = [end for _, end in spans if not any(abs(end - start) < 1e-6 for start, _ in spans)]  # that no stride follows
+    for each in contacts:
+        near = [end for end in ends if abs(each.start_s - end) < _SAME_S]
+        cut = replace(each, start_s=near[0], comes=True) if near else each
+        if cut.end_s > cut.start_s and not any(cut.start_s < end - 1e-6 and cut.end_s > start for start, end in spans):
+            result.append(cut)
+    return tuple(sorted(result, key=lambda each: each.start_s))
 
 
 def _own(angles_deg: Mapping[str, np.ndarray], side: str) -> dict[str, np.ndarray]:

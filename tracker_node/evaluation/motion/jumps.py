@@ -14,12 +14,13 @@ divided by the root of 12.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 GRAVITY = 9.80665
+SIDES, ENDS = ("left", "right"), {"heel": "heel", "toe": "big_toe"}  # of bodies; of feet, with the landmark there
 _CLEAR_M = 0.025  # a foot so far above where it stands is off the floor
 _LOW = 10.0  # percentile of a foot point's height, which is near to where it stands
 _SLIDES_M_S = 0.5  # faster over the floor than this, a foot swings close above it
@@ -63,8 +64,8 @@ class Contact:
 
     Attributes
     ----------
-    start_s, end_s : instants, half way between two image sets.
-    comes, leaves : whether it is seen to come down, and to leave: a recording may begin, or end, on the floor.
+    start_s, end_s : instants, half way between two image sets; those of the sets themselves at the ends of a recording or a gap.
+    comes, leaves : whether it is seen to come down, and to leave: it may stand where a recording, or a gap, begins or ends.
     """
 
     start_s: float
@@ -73,70 +74,90 @@ class Contact:
     leaves: bool = True
 
 
-def find_contacts(times_s: np.ndarray, points: Mapping[str, np.ndarray]) -> dict[str, list[Contact]]:
-    """When each foot is on a floor that does not move.
+@dataclass(frozen=True)
+class FootContacts:
+    """What one foot does: ``contacts`` in order of time, and for how long, ``seen_s``, it is known."""
+
+    contacts: tuple[Contact, ...]
+    seen_s: float
+
+
+def foot_names(points: Iterable[str]) -> dict[tuple[str, str], str]:
+    """Landmarks of both feet.
+
+    Parameters
+    ----------
+    points : names of all landmarks.
+
+    Returns
+    -------
+    (side, "heel" or "toe") -> heel or big toe, or the ankle in place of one that is missing; empty without one.
+    """
+    there, found = set(points), {}
+    for side in SIDES:
+        for end, name in ENDS.items():
+            found[side, end] = next((each for each in (f"{side}_{name}", f"{side}_ankle") if each in there), "")
+    return found if all(found.values()) else {}
+
+
+def find_contacts(times_s: np.ndarray, points: Mapping[str, np.ndarray]) -> dict[str, FootContacts]:
+    """When each foot is on a floor that is level and does not move.
+
+    The floor is where the lower of the feet stands.
 
     Parameters
     ----------
     times_s : (n,) at a constant rate.
-    points : landmark -> (n, 3) meters, z up; not-a-number in gaps. Heels and big toes, or ankles in place of them.
+    points : landmark -> (n, 3) meters, z up; not-a-number in gaps.
 
     Returns
     -------
-    Side -> contacts in order of time; empty where feet are not known, or never still.
+    By side; without a foot that is hardly ever known.
     """
-    if len(times_s) < _FEWEST:
+    names = foot_names(points)
+    if not names or len(times_s) < _FEWEST:
         return {}
-    found = {}
-    for side in ("left", "right"):
-        names = {next((name for name in (f"{side}_{part}", f"{side}_ankle") if name in points), "") for part in _FEET[:2]}
-        if "" in names:
-            return {}
-        found[side] = _contacts_of(times_s, np.stack([points[name] for name in sorted(names)], axis=1))
-    return found
+    feet = {side: np.stack([points[names[side, end]] for end in ENDS], axis=1) for side in SIDES}
+    known = {side: np.isfinite(foot).all(axis=(1, 2)) for side, foot in feet.items()}
+    feet = {side: foot for side, foot in feet.items() if known[side].sum() >= _FEWEST}
+    floors = {side: _floors(foot[known[side], :, 2]) for side, foot in feet.items()}
+    alike = all(names["left", end].removeprefix("left") == names["right", end].removeprefix("right") for end in ENDS)
+    lowest = np.min(list(floors.values()), axis=0) if floors and alike else None
+    return {
+        side: _contacts_of(times_s, foot, known[side], floors[side] if lowest is None else lowest) for side, foot in feet.items()
+    }
 
 
-def _contacts_of(times_s: np.ndarray, foot: np.ndarray) -> list[Contact]:
-    """Of one foot, (n, k, 3) points."""
-    known = np.isfinite(foot).all(axis=(1, 2))
-    if known.sum() < _FEWEST:
-        return []
+def _contacts_of(times_s: np.ndarray, foot: np.ndarray, known: np.ndarray, floor: np.ndarray) -> FootContacts:
+    """Of one foot, (n, k, 3) points, known in some sets (n,); ``floor`` (k,) heights at which they stand."""
     period_s = float(np.median(np.diff(times_s)))
-    half = max(round(_HALF_S / period_s), 1)
-    before, after = (np.clip(np.arange(len(foot)) + step, 0, len(foot) - 1) for step in (-half, half))
-    way = np.linalg.norm(foot[after, :, :2] - foot[before, :, :2], axis=2) / (times_s[after] - times_s[before])[:, None]
-    near = np.abs(foot[..., 2] - _floors(foot[known, :, 2])) < _CLEAR_M
-    down = (near & ~(way > _SLIDES_M_S)).any(axis=1)  # beside a gap the speed is not known
+    before, after = np.arange(len(foot)), np.arange(len(foot))
+    for step in range(1, max(round(_HALF_S / period_s), 1) + 1):  # as far as the foot is known, beside a gap, too
+        before[step:] = np.where(known[:-step], np.arange(len(foot) - step), before[step:])
+        after[:-step] = np.where(known[step:], np.arange(step, len(foot)), after[:-step])
+    way = np.linalg.norm(foot[after, :, :2] - foot[before, :, :2], axis=2)
+    still = way < _SLIDES_M_S * (times_s[after] - times_s[before])[:, None]  # one that is seen but once is not known to be
+    down = known & (still & (np.abs(foot[..., 2] - floor) < _CLEAR_M)).any(axis=1)
     brief = round(_BRIEF_S / period_s)
-    for state in (False, True):  # gaps first: what is left of a contact may be brief
-        for first, last in _series(known & (down == state)):
-            inside = first > 0 and last < len(down) - 1 and known[[first - 1, last + 1]].all()
-            if inside and last - first + 1 < brief:
-                down[first : last + 1] = not state
+    for first, last in _series(known & ~down):  # first, lest what is left of a contact is brief
+        inside = first > 0 and last < len(down) - 1 and known[[first - 1, last + 1]].all()
+        down[first : last + 1] = inside and last - first + 1 < brief
     found = []
-    for first, last in _series(known & down):
-        comes, leaves = first > 0 and known[first - 1], last < len(down) - 1 and known[last + 1]
-        instants = times_s[first] - 0.5 * period_s * comes, times_s[last] + 0.5 * period_s * leaves
-        found.append(Contact(float(instants[0]), float(instants[1]), bool(comes), bool(leaves)))
-    return found
+    for first, last in _series(down):
+        if last - first + 1 < brief:
+            continue
+        comes, leaves = first > 0 and bool(known[first - 1]), last < len(down) - 1 and bool(known[last + 1])
+        start_s, end_s = times_s[first] - 0.5 * period_s * comes, times_s[last] + 0.5 * period_s * leaves
+        found.append(Contact(float(start_s), float(end_s), comes, leaves))
+    return FootContacts(tuple(found), period_s * int(known.sum()))
 
 
-def contact_metrics(contacts: Mapping[str, Sequence[Contact]], length_s: float) -> dict[str, float | int]:
-    """How often and how long feet are on the floor, by key.
-
-    Parameters
-    ----------
-    contacts : of `find_contacts`.
-    length_s : of the recording.
-
-    Returns
-    -------
-    None of a body whose feet are not known.
-    """
+def contact_metrics(feet: Mapping[str, FootContacts]) -> dict[str, float | int]:
+    """How often and how long feet are on the floor, by key; empty for a body whose feet are not known."""
     found: dict[str, float | int] = {}
-    for side, own in contacts.items():
-        found[f"contacts_{side}"] = len(own)
-        found[f"contact_percent_{side}"] = 100.0 * sum(each.end_s - each.start_s for each in own) / length_s
+    for side, foot in feet.items():
+        found[f"contacts_{side}"] = len(foot.contacts)
+        found[f"contact_percent_{side}"] = min(100.0 * sum(c.end_s - c.start_s for c in foot.contacts) / foot.seen_s, 100.0)
     return found
 
 
@@ -166,8 +187,8 @@ def find_jumps(times_s: np.ndarray, points: Mapping[str, np.ndarray], center: np
     -------
     In order of time; empty where none is found, or feet or center are not known.
     """
-    feet = [f"{side}_{part}" for side in ("left", "right") for part in _FEET if f"{side}_{part}" in points]
-    if center is None or {name.split("_")[0] for name in feet} != {"left", "right"}:
+    feet = [f"{side}_{part}" for side in SIDES for part in _FEET if f"{side}_{part}" in points]
+    if center is None or {name.split("_")[0] for name in feet} != set(SIDES):
         return []
     heights = np.column_stack([points[name][:, 2] for name in feet])
     known = np.isfinite(heights).all(axis=1) & np.isfinite(center).all(axis=1)
@@ -194,7 +215,7 @@ def find_jumps(times_s: np.ndarray, points: Mapping[str, np.ndarray], center: np
 
 def _floors(heights: np.ndarray) -> np.ndarray:
     """(k,) where each point of the feet stands: the median of its heights (n, k) that are near to the lowest."""
-    near = np.abs(heights - np.percentile(heights, _LOW, axis=0)) < _CLEAR_M
+    near = np.abs(heights - np.percentile(heights, _LOW, axis=0, method="lower")) < _CLEAR_M
     return np.nanmedian(np.where(near, heights, np.nan), axis=0)
 
 

@@ -17,8 +17,9 @@ from scipy.stats import t as student
 from ...render.palette import CYCLE
 from ...report.document import Block, Cell, Chart, Column, Document, DocumentSection, Line, Table, Value
 from ...report.metrics_file import made_by, today
-from ..motion.gait import N_PARTS, SIDES
+from ..motion.gait import N_PARTS
 from ..motion.joint_motion import Ranges, ranges
+from ..motion.jumps import SIDES
 from ..review import Review
 from .kinematics import LEAST_RANGE_DEG, STRIDE, STRIDE_ANGLES, STRIDE_MEASURES, mean_line
 from .scene import scene

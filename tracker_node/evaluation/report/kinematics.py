@@ -1,4 +1,4 @@
-"""How a body moves: joint angles and velocities over time, ranges, symmetry, strides, jumps."""
+"""How a body moves: joint angles and velocities over time, ranges, symmetry, strides, feet on the floor, jumps."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from ...render.palette import BLACK, BLUE, CYCLE, PURPLE, RED
 from ...render.palette import SIDES as SIDE_COLORS
 from ...report.document import Cell, Chart, Column, Curve, Line, Strip, Strips, Table, Value, sign_of
-from ..motion.gait import N_PARTS, SIDES, Strides
+from ..motion.gait import N_PARTS, Strides
 from ..motion.joint_motion import HANGS_DEG, Ranges, side_of, symmetry_index, without_side
+from ..motion.jumps import SIDES
 from ..review import Review
 
 _ASKED = ("hip", "knee", "ankle", "spine", "neck", "shoulder", "elbow", "wrist")  # in this order, then others
@@ -134,18 +135,16 @@ def _sd(values: np.ndarray) -> float:
 
 
 def event_strips(review: Review) -> Strips | None:
-    """When each foot is on the floor, and jumps; None of a body whose feet are not known, and that does not jump."""
+    """When each foot is on the floor, and swings of strides, and jumps; None where none of these is found."""
     strips = []
-    for side in SIDES if review.gait is not None else ():
-        foot = review.gait.strides[side]  # type: ignore[union-attr]
-        for start, off, end in zip(foot.starts_s, foot.offs_s, foot.ends_s, strict=True):
-            strips.append(Strip(f"{side} foot", float(start), float(off), "on the floor", _STEP))
-            strips.append(Strip(f"{side} foot", float(off), float(end), "swing", _SWING))
-    for side, contacts in review.contacts.items():
-        strips += [Strip(f"{side} foot", each.start_s, each.end_s, "on the floor", _STEP) for each in contacts]
+    for side, foot in review.contacts.items():
+        strips += [Strip(f"{side} foot", each.start_s, each.end_s, "on the floor", _STEP) for each in foot.contacts]
+        if review.gait is not None:
+            swings = zip(review.gait.strides[side].offs_s, review.gait.strides[side].ends_s, strict=True)
+            strips += [Strip(f"{side} foot", float(off), float(end), "swing", _SWING) for off, end in swings]
     strips += [Strip("jumps", jump.take_off_s, jump.landing_s, "in the air", PURPLE) for jump in review.jumps]
     rows = list(dict.fromkeys(strip.row for strip in strips))
-    note = "Whole strides, or feet on the floor, and jumps."
+    note = "Feet on the floor, swings of whole strides, and jumps."
     return Strips(f"events_{review.name}", "Events", note, rows, strips) if strips else None
 
 

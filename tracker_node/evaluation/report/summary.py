@@ -45,6 +45,8 @@ METRICS = (
         Metric("stride_time_s_*", "Stride time", "s", "from touching the floor to touching it again, mean of a foot", 2, 0),
         Metric("stride_length_m_*", "Stride length", "m", "way of the heel", 2, 0),
         Metric("stance_percent_*", "Stance", "%", "part of the stride with the foot on the floor", 1, 0),
+        Metric("contacts_*", "Contacts", "", "times that a foot is on the floor", 0, 0),
+        Metric("contact_percent_*", "On the floor", "%", "part of the time in which a foot is known", 1, 0),
         Metric("jumps", "Jumps", "", "both feet off the floor, and the center of mass falls", 0, 0),
         Metric("jump_height_rise_m", "Jump height", "m", "rise of the center of mass from take-off to its highest, mean", 3, 0),
         Metric("jump_height_take_off_m", "… from take-off velocity", "m", "v² / 2g, mean", 3, 0),

@@ -1,7 +1,7 @@
 """Marker trajectories in C3D files, the binary format of motion capture (c3d.org).
 
 A point that was not seen has the residual -1. Angles, where there are any, stand among the points with their labels listed in
-``POINT:ANGLES``, as Vicon writes them.
+``POINT:ANGLES``, as Vicon writes them. Events, such as a foot's coming down, stand in the group ``EVENT``.
 
 ezc3d reads files in a process of its own, which a damaged file can crash, hold up or fill without harm to others:
 ``python -m tracker_node.loaders.motion.c3d_file FILE`` writes the points as an ``.npz`` archive to standard output.
@@ -29,6 +29,7 @@ from ..whole_file import whole_file
 from .trc import METERS_PER_UNIT, MarkerTrajectories
 
 MOST_FRAMES = 65535  # that the header can count; of longer recordings TRIAL:ACTUAL_END_FIELD tells, to programs that look for it
+MOST_EVENTS = 255  # a parameter's dimensions are bytes
 _BLOCK = 512  # bytes
 _INTEGER = 2  # type of a parameter: 16 bits
 _MAGIC = 0x50  # second byte of every C3D file
@@ -75,7 +76,7 @@ def dump_c3d(
     unit : m, cm or mm. Coordinates are single precision: 0.06 mm at 1 km.
     descriptions : of the markers.
     angles, degrees : at the same times; whether they are written in degrees, or in radians.
-    events : listed in the group ``EVENT``.
+    events : listed in the group ``EVENT``, the first `MOST_EVENTS` of them.
 
     Raises
     ------
@@ -128,7 +129,7 @@ def _check_size(path: Path, n_data: int) -> None:
 
 def _state_events(file: Any, events: Sequence[TimedEvent]) -> None:
     """In order of time, each as minutes and seconds."""
-    listed = sorted(events, key=lambda event: event.time_s)
+    listed = sorted(events, key=lambda event: event.time_s)[:MOST_EVENTS]
     minutes, seconds = np.divmod([event.time_s for event in listed], 60.0)
     set_ = file.add_parameter
     _set_integers(file, "EVENT", "USED", [len(listed)])

@@ -41,7 +41,7 @@ class RegionBackground:
     What goes with the body (a table on which it is carried, a shadow) looks like background as long as the body rests. So a pixel
     is proven to be background by staying as it was while the body goes `WAY_PX`. Of the surroundings that stand still most
     pixels do, and all that have been seen count; where many do not, those count that are proven, until they change. Pixels of
-    images of the empty scene always count.
+    images of the empty scene always count. A part that may be anywhere is not learned: pixels that have its colors are left out.
 
     Parameters
     ----------

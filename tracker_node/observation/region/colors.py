@@ -293,7 +293,7 @@ class RegionColors:
         self._tabulate()
 
     def as_likely_of(self, shapes: np.ndarray) -> np.ndarray:
-        """(`N_COLORS`,) bool, colors that some parts, (n_shapes,) mask, have as likely as the surroundings: new ones, too."""
+        """(`N_COLORS`,) bool, colors that are as likely of some parts, (n_shapes,) mask, as of the scene; unseen ones, too."""
         return (self.body[np.unique(self._classes[shapes])] >= _AS_LIKELY * self.scene).any(axis=0)
 
     def _tabulate(self) -> None:

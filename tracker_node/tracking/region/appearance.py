@@ -25,6 +25,8 @@ from ...render.shape_arrays import bounding_spheres
 from ..config import BackgroundConfig, KeypointConfig, RegionConfig
 from ..modality import Images, Persons
 
+_PLACES = 4  # of a shape, by which its way is measured
+
 
 class RegionAppearance:
     """Learned from images in which the body's state is known.
@@ -123,8 +125,8 @@ class RegionAppearance:
         offsets : where the body is when each camera exposes.
         rate : weight of these images.
         margin_px : width around the body that is not learned as surroundings.
-        weights : (n_shapes,) parts that are where ``state`` says; with all of them the background is learned, too, and with some
-            limbs, where it has none of the others' colors. None: not known.
+        weights : (n_shapes,) parts that are where ``state`` says; None: not known. With all of them the background is learned,
+            too; with some, of a body with joints, without pixels of colors that the others may have.
         """
         bodies, around = bodies_seen(self._model, state, offsets), self._config.background_ring_px
         trusted = None if weights is None else np.asarray(weights > 0.5)
@@ -143,12 +145,13 @@ class RegionAppearance:
                 if background and trusted is not None:
                     everybody = self._occluders.with_neighbors(i, found)
                     doubted = NO_COLORS if trusted.all() else self._colors[i].as_likely_of(~trusted)
-                    self._rooms[i].learn(image, everybody.region, everybody.labels, places, every, doubted)
+                    in_place = np.where(np.repeat(trusted, _PLACES)[:, None], places, np.nan)
+                    self._rooms[i].learn(image, everybody.region, everybody.labels, in_place, every, doubted)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
 
     def _places(self, i: int, body: Configuration) -> np.ndarray:
-        """(4 n_shapes, 2) pixels of the middle of every shape, and of points on its axes; not a number behind the camera."""
+        """(`_PLACES` n_shapes, 2) pixels of the middle of every shape, and points on its axes; not a number behind the camera."""
         Ts, spheres = body.Ts_world_shape, np.empty_like(self._bounds)
         world_spheres(Ts, self._bounds, spheres)
         middles = spheres[:, None, :3]
