@@ -23,6 +23,7 @@ GRAVITY = 9.80665
 SIDES, ENDS = ("left", "right"), {"heel": "heel", "toe": "big_toe"}  # of bodies; of feet, with the landmark there
 _CLEAR_M = 0.025  # a foot so far above where it stands is off the floor
 _LOW = 10.0  # percentile of a foot point's height, which is near to where it stands
+_RAISED_M = 0.1  # a foot whose lowest heights are so far above the other's never stands
 _SLIDES_M_S = 0.5  # faster over the floor than this, a foot swings close above it
 _HALF_S = 0.05  # before and after, between which its speed is measured
 _BRIEF_S = 0.08  # shorter times on the floor, or off it, are noise
@@ -103,7 +104,7 @@ def foot_names(points: Iterable[str]) -> dict[tuple[str, str], str]:
 def find_contacts(times_s: np.ndarray, points: Mapping[str, np.ndarray]) -> dict[str, FootContacts]:
     """When each foot is on a floor that is level and does not move.
 
-    The floor is where the lower of the feet stands.
+    The floor is where a foot stands, unless that is far above where the other does: it is held up.
 
     Parameters
     ----------
@@ -123,9 +124,9 @@ def find_contacts(times_s: np.ndarray, points: Mapping[str, np.ndarray]) -> dict
     floors = {side: _floors(foot[known[side], :, 2]) for side, foot in feet.items()}
     alike = all(names["left", end].removeprefix("left") == names["right", end].removeprefix("right") for end in ENDS)
     lowest = np.min(list(floors.values()), axis=0) if floors and alike else None
-    return {
-        side: _contacts_of(times_s, foot, known[side], floors[side] if lowest is None else lowest) for side, foot in feet.items()
-    }
+    for side, own in floors.items():
+        floors[side] = own if lowest is None or (own - lowest).max() < _RAISED_M else lowest
+    return {side: _contacts_of(times_s, foot, known[side], floors[side]) for side, foot in feet.items()}
 
 
 def _contacts_of(times_s: np.ndarray, foot: np.ndarray, known: np.ndarray, floor: np.ndarray) -> FootContacts:
