@@ -6,6 +6,7 @@ the body elsewhere by a hair, and asks the network anew, unless near crops are t
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import io
 import sqlite3
@@ -25,6 +26,23 @@ from tracker_node.runs.people.detection import Detector, distinct
 
 _CODE = tuple(path.read_bytes() for path in sorted(Path(keypoints.__file__).parent.glob("*.py")))  # as it has been loaded
 _NEAR_CENTER, _NEAR_SIZE, _NEAR_RAD = 0.04, 0.06, 0.08  # shares of a crop's size, and its angle
+
+
+def add_arguments(parser: argparse.ArgumentParser, drawn: str, output: Path) -> None:
+    """Options of programs that track clips with what the network finds.
+
+    Parameters
+    ----------
+    parser : added to.
+    drawn : names of the clips that are looked for.
+    output : where what the network finds is kept.
+    """
+    add = parser.add_argument
+    add("--clips", nargs="+", type=Path, metavar="FOLDER", help="these clips")
+    add("--drawn", type=Path, default=Path("out/clothed"), metavar="FOLDER", help=f"of {drawn} (default: %(default)s)")
+    add("--near", action="store_true", help="take what was found in nearly the same crop: while the tracker is worked on")
+    add("--output", type=Path, default=output, metavar="FOLDER", help="of what the network finds (default: %(default)s)")
+    add("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1")
 
 
 class Expecting(Protocol):

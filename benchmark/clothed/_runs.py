@@ -142,6 +142,25 @@ def track(
     )  # fmt: skip
 
 
+def followed(
+    clip: ClothedClip, config: TrackerConfig, with_people: WithPeople, end: int | None = None
+) -> list[tuple[int, TrackEstimate]]:
+    """A clip tracked as live, without a start.
+
+    Parameters
+    ----------
+    clip, config, with_people : as of `track`.
+    end : image set before which it ends; None: all.
+
+    Returns
+    -------
+    Row and estimate of each image set in which the body is not LOST.
+    """
+    tracker = Tracker(clip.rig, clip.model, config)
+    estimates = (tracker.step(with_people(tracker, image_set)[0]) for image_set in clip.sets(0, end))
+    return [(row, each) for row, each in enumerate(estimates) if each.status.has_state and each.status is not Status.LOST]
+
+
 def _listen(tracker: Tracker) -> _Listening | None:
     engine = tracker._track.engine
     choice = getattr(engine, "choice", None)

@@ -48,7 +48,7 @@ from benchmark.clothed._judged import (
     worst_joints,
     wrong_sets,
 )
-from benchmark.clothed._people import KeptPeople
+from benchmark.clothed._people import KeptPeople, add_arguments
 from benchmark.clothed._recording import JOINTS, ClothedClip, default_folders, limbs_shown, load_clip
 from benchmark.clothed._runs import (
     CONTOURS,
@@ -284,15 +284,11 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
         "OMP_NUM_THREADS=1 python benchmark/clothed/clothed.py --only --clips out/clothed/clip_1",
         "fewer disturbed runs and starts, contours alone on two clips",
     )
+    add_arguments(parser, "clip_1 to clip_8", OUTPUT)
     add = parser.add_argument
-    add("--clips", nargs="+", type=Path, metavar="FOLDER", help="these clips")
     add("--only", nargs="*", choices=PARTS, default=PARTS, metavar="PART", help=f"beside points: {', '.join(PARTS)}")
-    add("--drawn", type=Path, default=Path("out/clothed"), metavar="FOLDER", help="of clip_1 to clip_8 (default: %(default)s)")
     add("--size", default=DEFAULT_SIZE, choices=("lite", "full", "heavy"), help="of the network (default: %(default)s)")
     add("--weights", type=Path, metavar="FOLDER", help="of pose_landmark_SIZE.tflite for another size")
-    add("--near", action="store_true", help="take what was found in nearly the same crop: while the tracker is worked on")
-    add("--output", type=Path, default=OUTPUT, metavar="FOLDER", help="of what the network finds (default: %(default)s)")
-    add("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1")
     return parser.parse_args(arguments)
 
 

@@ -25,9 +25,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from benchmark._arguments import parser_of
 from benchmark.clothed._clip import write_clip
-from benchmark.clothed._people import KeptPeople
+from benchmark.clothed._people import KeptPeople, add_arguments
 from benchmark.clothed._recording import ClothedClip, load_clip
-from benchmark.clothed._runs import OWN_BODY_SETS, TOGETHER, settings
+from benchmark.clothed._runs import OWN_BODY_SETS, TOGETHER, followed, settings
 from benchmark.clothed._staging import Sources, set_stage
 from benchmark.clothed.angles._angles import KINDS, TARGETS_DEG, AngleErrors, angles_with_sigmas, errors_of, figures
 from benchmark.clothed.person._body import MANNEQUIN
@@ -37,9 +37,7 @@ from tracker_node.evaluation.motion.isb_angles import angles_of_segments
 from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.report.metrics_file import report_metrics
-from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.keypoints.body_from_points import body_from_points
-from tracker_node.tracking.tracker import Tracker
 
 QUICK_CLIPS, QUICK_SETS = 1, 12
 
@@ -74,15 +72,9 @@ def measure(clip: ClothedClip, args: argparse.Namespace) -> list[AngleErrors]:
     if args.own_body:
         seen = [[people.find(np.ascontiguousarray(i.bgr), None).people for i in s.images] for s in clip.sets(0, OWN_BODY_SETS)]
         clip = replace(clip, model=body_from_points(load_model(args.model), clip.rig, seen).model)
-    tracker = Tracker(clip.rig, clip.model, settings(TOGETHER, args.changes))
-    rows, states, covariances = [], [], []
-    for row, image_set in enumerate(clip.sets(0, QUICK_SETS if args.quick else None)):
-        estimate = tracker.step(people.with_people(tracker, image_set)[0])
-        if estimate.status.has_state and estimate.status is not Status.LOST:
-            rows.append(row)
-            states.append(estimate.state)
-            covariances.append(estimate.covariance)
-    found = angles_with_sigmas(clip.model, states, covariances)
+    estimates = followed(clip, settings(TOGETHER, args.changes), people.with_people, QUICK_SETS if args.quick else None)
+    rows = [row for row, _ in estimates]
+    found = angles_with_sigmas(clip.model, [each.state for _, each in estimates], [each.covariance for _, each in estimates])
     errors = errors_of(found, angles_of_segments(clip.rotations), np.array(rows))
     worst = sorted(errors, key=lambda each: -float(np.sqrt(np.mean(each.free**2))) if len(each.free) else 0.0)[:4]
     told_worst = ", ".join(f"{each.name} {np.degrees(np.sqrt(np.mean(each.free**2))):.1f}" for each in worst)
@@ -115,15 +107,11 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
         "OMP_NUM_THREADS=1 python benchmark/clothed/angles/angles.py --clips out/clothed/clip_1",
         "one clip's first image sets; a mannequin's where none are drawn",
     )
+    add_arguments(parser, "clip_1 to clip_8", Path("out/benchmark/angles"))
     add = parser.add_argument
-    add("--clips", nargs="+", type=Path, metavar="FOLDER", help="these clips")
-    add("--drawn", type=Path, default=Path("out/clothed"), metavar="FOLDER", help="of clip_1 to clip_8 (default: %(default)s)")
     add("--model", default="gait_human", metavar="MODEL", help="the body (default: %(default)s)")
     add("--mark", default="", metavar="TEXT", help="put behind the keys' first word, for runs that differ")
     add("--own-body", action="store_true", help="made from the points of the first five image sets, not from static.trc")
-    add("--near", action="store_true", help="take what was found in nearly the same crop: while the tracker is worked on")
-    add("--output", type=Path, default=Path("out/benchmark/angles"), metavar="FOLDER", help="of what the network finds")
-    add("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1")
     return parser.parse_args(arguments)
 
 

@@ -23,17 +23,15 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from benchmark._arguments import parser_of
-from benchmark.clothed._people import KeptPeople
+from benchmark.clothed._people import KeptPeople, add_arguments
 from benchmark.clothed._recording import RATE_HZ, ClothedClip, load_clip
-from benchmark.clothed._runs import TOGETHER, settings
+from benchmark.clothed._runs import TOGETHER, followed, settings
 from benchmark.contour._runs import print_circumstances
 from tracker_node.errors import SourceError, TrackerError
 from tracker_node.evaluation.motion.jumps import Contact, find_contacts
 from tracker_node.loaders.fetched_files import pose_weights
 from tracker_node.model.configuration import Configuration
 from tracker_node.report.metrics_file import report_metrics
-from tracker_node.tracking.estimate import Status
-from tracker_node.tracking.tracker import Tracker
 
 REACH_S = 0.25
 QUICK_CLIPS = 2
@@ -90,13 +88,10 @@ def _paired(mine: np.ndarray, theirs: np.ndarray) -> list[float]:
 def tracked(clip: ClothedClip, args: argparse.Namespace) -> Mapping[str, np.ndarray]:
     """Heels and toes in every image set; not-a-number where the body is lost."""
     people = KeptPeople(pose_weights(), args.output / f"{clip.name}_full.sqlite", args.near)
-    tracker = Tracker(clip.rig, clip.model, settings(TOGETHER, args.changes))
     columns = [clip.model.landmark_index(name) for name in FEET]
     points = np.full((len(clip), len(FEET), 3), np.nan)
-    for row, image_set in enumerate(clip.sets()):
-        estimate = tracker.step(people.with_people(tracker, image_set)[0])
-        if estimate.status.has_state and estimate.status is not Status.LOST:
-            points[row] = Configuration(clip.model, estimate.state).landmarks_world[columns]
+    for row, estimate in followed(clip, settings(TOGETHER, args.changes), people.with_people):
+        points[row] = Configuration(clip.model, estimate.state).landmarks_world[columns]
     return dict(zip(FEET, np.swapaxes(points, 0, 1), strict=True))
 
 
@@ -130,12 +125,7 @@ def figures(found: list[tuple[np.ndarray, list[float], list[int]]]) -> dict[str,
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     example = "OMP_NUM_THREADS=1 python benchmark/clothed/angles/contacts.py --clips out/clothed/clip_1"
     parser = parser_of(__doc__, example, "two clips")
-    add = parser.add_argument
-    add("--clips", nargs="+", type=Path, metavar="FOLDER", help="these clips")
-    add("--drawn", type=Path, default=Path("out/clothed"), metavar="FOLDER", help="of clip_1 to clip_12 (default: %(default)s)")
-    add("--near", action="store_true", help="take what was found in nearly the same crop: while the tracker is worked on")
-    add("--output", type=Path, default=Path("out/benchmark/clothed"), metavar="FOLDER", help="of what the network finds")
-    add("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="changes", help="parameters of the tracker, e.g. threads=1")
+    add_arguments(parser, "clip_1 to clip_12", Path("out/benchmark/clothed"))
     return parser.parse_args(arguments)
 
 

@@ -133,7 +133,9 @@ class RegionAppearance:
         # Beside limbs lies what is before or behind others: only of a rigid body is it likely to be its shadow
         rigid = self._model.n_dof == N_ROOT_DOF
         sure_px = self._config.margin_px if rigid else None
-        background = self._config.learn_background and trusted is not None and bool(trusted.all() if rigid else trusted.any())
+        in_place = trusted if self._config.learn_background else None  # parts beside which the background is learned
+        if in_place is not None and not (in_place.all() if rigid else in_place.any()):
+            in_place = None
 
         def learn(i: int) -> None:
             camera, places = self._rig.cameras[i], self._places(i, bodies[i])
@@ -142,11 +144,11 @@ class RegionAppearance:
             if found is not None and image is not None:
                 region, labels, every = found.region, found.labels, found.every
                 self._colors[i].learn(image, region, labels, rate, margin_px, around, trusted, sure_px, every, found.others)
-                if background and trusted is not None:
+                if in_place is not None:
                     everybody = self._occluders.with_neighbors(i, found)
-                    doubted = NO_COLORS if trusted.all() else self._colors[i].as_likely_of(~trusted)
-                    in_place = np.where(np.repeat(trusted, _PLACES)[:, None], places, np.nan)
-                    self._rooms[i].learn(image, everybody.region, everybody.labels, in_place, every, doubted)
+                    doubted = NO_COLORS if in_place.all() else self._colors[i].as_likely_of(~in_place)
+                    known = np.where(np.repeat(in_place, _PLACES)[:, None], places, np.nan)
+                    self._rooms[i].learn(image, everybody.region, everybody.labels, known, every, doubted)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
 
