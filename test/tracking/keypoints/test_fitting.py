@@ -10,6 +10,7 @@ from tracker_node.model.humans.keypoints import BLAZEPOSE
 from tracker_node.model.kinematic_chain import N_ROOT_DOF
 from tracker_node.objective.constraints.collision import CollisionObjective
 from tracker_node.objective.constraints.prior import Prior
+from tracker_node.observation.keypoints.people import rearranged
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.keypoints.fitting import KeypointFitting
 from tracker_node.tracking.keypoints.modality import KeypointModality
@@ -20,13 +21,13 @@ NO_PULL = {"motion.neutral_angle": 0.0, "motion.stay_angle": 0.0, "collision.ena
 STATED_PX = 3.0
 
 
-def fitting(**more) -> KeypointFitting:
+def fitting(rig=RIG, **more) -> KeypointFitting:
     config = from_dict({"modalities": ["region", "keypoints"], **more})
-    return KeypointFitting(HUMAN, config, KeypointModality(RIG, HUMAN, config.keypoints, BLAZEPOSE))
+    return KeypointFitting(HUMAN, config, KeypointModality(rig, HUMAN, config.keypoints, BLAZEPOSE))
 
 
 def taken(made: KeypointFitting, state: State = TRUE, **more) -> KeypointFitting:
-    made.modality.set_images((), state, None, seen_by(RIG, state, **more))
+    made.modality.set_images((), state, None, seen_by(made.modality._rig, state, **more))
     return made
 
 
@@ -119,6 +120,55 @@ def test_errors_are_as_large_as_the_covariance_says():
         ends.append(np.linalg.inv(fit.equations.H)[:6, :6].trace())
     assert 0.85 < np.mean(squares) < 1.15 and np.max(squares) < 2.0
     assert np.mean(ends) < 0.5 * (spread[:6] ** 2).sum()  # and points say much more than the prediction
+
+
+ABOUT = circle_rig(4)
+ARMS = {"left_shoulder_elevation_front": 60.0, "left_elbow_flexion": 50.0, "right_shoulder_elevation_front": 40.0}
+TWISTED = standing(0.1, 0.0, 0.6, **ARMS)
+
+
+def end_on(made: KeypointFitting, state: State) -> dict[str, list[int]]:
+    return {made.modality.names[pair[0]]: sorted(cameras) for pair, cameras in made.modality.end_on(state)}
+
+
+def exchanged(people, joint: str, cameras) -> list:
+    """People whose left and right of one joint a detector has taken for each other in these cameras."""
+    rows = [people[0].names.index(f"{side}_{joint}") for side in ("left", "right")]
+    order = np.arange(len(people[0].names))
+    order[rows] = rows[::-1]
+    return [rearranged(each, order.tolist()) if i in cameras else each for i, each in enumerate(people)]
+
+
+def test_sides_of_the_trunk_can_be_taken_for_each_other_where_one_is_behind_the_other():
+    made = taken(fitting(ABOUT), TWISTED)
+    seen = end_on(made, TWISTED)
+    assert set(seen) <= {"left_shoulder", "left_hip"} and seen["left_shoulder"]
+    left, right = (made.modality.places(TWISTED)[made.modality.names.index(f"{side}_shoulder")] for side in ("left", "right"))
+    for i, camera in enumerate(ABOUT):
+        across = (left - right) @ camera.T_world_cam[:3, 0] / np.linalg.norm(left - right)
+        assert (i in seen["left_shoulder"]) == (abs(across) < 0.6) or 0.5 < abs(across) < 0.7
+
+
+@pytest.mark.parametrize("joint", ["shoulder", "hip"])
+def test_sides_that_two_cameras_have_exchanged_are_told_by_the_limbs(joint):
+    made, vague = fitting(ABOUT), Prior(TWISTED, np.full(HUMAN.n_dof, 1e-3))
+    right = taken(made, TWISTED).fit(TWISTED, False, vague)
+    cameras = end_on(made, TWISTED)[f"left_{joint}"]
+    wrong = exchanged(seen_by(ABOUT, TWISTED), joint, cameras)
+    made.modality.set_images((), TWISTED, None, wrong)
+    misled = made._staged(TWISTED, False, vague)
+    fit = made.fit(TWISTED, False, vague)
+    assert len(cameras) == 2 and off_m(misled.state, right.state).max() > 0.03
+    assert off_m(fit.state, right.state).max() < 0.002
+    assert fit.comparison is not None and fit.comparison.state is fit.state
+
+
+def test_sides_that_are_right_stay():
+    made = fitting(ABOUT)
+    made.modality.set_images((), TWISTED, None, seen_by(ABOUT, TWISTED, np.random.default_rng(3), 3.0))
+    before = made.modality._observed
+    made.fit(TWISTED, False, None)
+    np.testing.assert_array_equal(made.modality._observed, before)
 
 
 def bent(**degrees: float) -> State:

@@ -7,7 +7,6 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...compiled.kernels import compiled
 from ...model.configuration import State
-from ...model.humans.measures import mirrored_name
 from ...observation.keypoints.people import Person, rearranged
 from ..engine import Choice
 from ..modality import PeopleSeen, Persons
@@ -41,9 +40,7 @@ class PersonChoice(Choice):
 
     def __init__(self, rig: CameraRig, modality: KeypointModality, start: PointStart):
         self._rig, self._modality, self._start = rig, modality, start
-        names = list(modality.names)
-        twins = [mirrored_name(name) for name in names]
-        self._mirrored = np.array([names.index(twin) if twin in names else k for k, twin in enumerate(twins)])
+        self._mirrored = modality.mirrored
         self.reset()
 
     def reset(self) -> None:

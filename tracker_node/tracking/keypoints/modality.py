@@ -16,7 +16,7 @@ import numpy as np
 
 from ...camera.rig import Camera, CameraRig
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import State
+from ...model.configuration import Configuration, State
 from ...model.humans.keypoints import (
     GUESSED_BONES,
     GUESSED_SIZE,
@@ -25,6 +25,8 @@ from ...model.humans.keypoints import (
     expected_offsets,
     relative_size,
 )
+from ...model.humans.measures import mirrored_name
+from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.keypoints.correspondences import (
     BodyPoints,
     GuessedDepths,
@@ -33,12 +35,17 @@ from ...objective.keypoints.correspondences import (
     PointsAt,
     packed_cameras,
 )
-from ...objective.keypoints.kernels import N_COLUMNS
+from ...objective.keypoints.kernels import N_COLUMNS, S_UU, U, V
 from ...observation.keypoints.people import Person
 from ..config import KeypointConfig
 from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 
+_BEGINS_M = 0.05  # from a point to the joint of the limb that begins there, at most
+_STAYS = 1.0  # times the distance from its twin, that a point of the trunk moves beside that at most: with a shoulder girdle
+# How far a pair of points is apart in an image: at most, as a share of its length, where one may be taken for the other, and at
+# least, in standard deviations, where that matters
+_END_ON, _APART = 0.6, 1.5
 _OUTLIERS_UNSURE = 0.4  # fraction of outliers among points whose score is nothing; measured on the clips of the offsets
 
 
@@ -89,6 +96,7 @@ class KeypointModality(Modality):
     Attributes
     ----------
     names : of the points that the body has.
+    mirrored : (n,) row of each point's twin on the other side, or its own.
     offsets : of these points, as they are known now.
     guesses : what detectors guess of a body along the rays.
     looked : a detector has looked at the present images.
@@ -97,6 +105,9 @@ class KeypointModality(Modality):
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: KeypointConfig, table: KeypointTable):
         self._rig, self._model, self._config = rig, model, config
         self.names, points = points_of(model, table, config.offset_scale)
+        twins = [mirrored_name(name) for name in self.names]
+        self.mirrored = np.array([self.names.index(twin) if twin in self.names else k for k, twin in enumerate(twins)])
+        self._pairs = _trunk_pairs(points, self.mirrored)
         self.offsets = PointOffsets(points, config)
         self._cameras = packed_cameras(rig)
         self._observed: np.ndarray | None = None
@@ -158,6 +169,47 @@ class KeypointModality(Modality):
         """(n_points, 3) meters, world: where the points of a body in ``state`` are expected."""
         return self.offsets.body.places(state)
 
+    def end_on(self, state: State) -> list[tuple[tuple[int, int], list[int]]]:
+        """Where a detector may have taken left for right on the trunk: cameras that see one side nearly behind the other.
+
+        Parameters
+        ----------
+        state : of the body, about.
+
+        Returns
+        -------
+        Rows of both points, and indices of the cameras; the one that sees them nearest to each other first.
+        """
+        found, observed, places = [], self._observed, self.places(state)
+        if observed is None:
+            return []
+        for pair in self._pairs:
+            length_m, middle = float(np.linalg.norm(places[pair[0]] - places[pair[1]])), places[list(pair)].mean(axis=0)
+            apart = {}
+            for i, camera in enumerate(self._rig):
+                one, other = observed[pair[0], i], observed[pair[1], i]
+                depth = float((middle - camera.center) @ camera.T_world_cam[:3, 2])
+                px = float(np.hypot(one[U] - other[U], one[V] - other[V]))
+                if px * np.sqrt(min(one[S_UU], other[S_UU])) > _APART and depth > 0.0:  # else not found, or alike either way
+                    apart[i] = px * depth / (float(camera.model.K[0, 0]) * length_m)
+            cameras = sorted((i for i, share in apart.items() if share < _END_ON), key=apart.__getitem__)
+            if cameras:
+                found.append((pair, cameras))
+        return found
+
+    def exchange(self, pair: tuple[int, int], cameras: Sequence[int]) -> None:
+        """Take the points of both sides of the trunk for each other; once more, and they are as before.
+
+        Parameters
+        ----------
+        pair, cameras : of `end_on`.
+        """
+        observed = self._observed
+        if observed is not None and cameras:
+            self._observed = observed = observed.copy()
+            rows, columns = list(pair), list(cameras)
+            observed[np.ix_(rows, columns)] = observed[np.ix_(rows[::-1], columns)]
+
     @property
     def has_points(self) -> bool:
         """Whether the present set has any."""
@@ -178,6 +230,21 @@ class KeypointModality(Modality):
                 doubtful = self._model.shape_links[np.asarray(weights) <= 0.5]
                 trusted = ~np.isin(self.offsets.body.links, doubtful)
             self.offsets.update(self.correspond(state, 1.0).at(state), trusted)
+
+
+def _trunk_pairs(points: BodyPoints, mirrored: np.ndarray) -> list[tuple[int, int]]:
+    """Rows of the points left and right on the trunk where limbs begin: hips and shoulders."""
+    chain, neutral, pairs = points.model.chain, Configuration(points.model, State.neutral(points.model)), []
+    places, moved = points.places(neutral.state), chain.link_moved_by[points.links][:, N_ROOT_DOF:]
+    ways = np.linalg.norm(neutral.point_jacobian(places, points.links), axis=1)[:, N_ROOT_DOF:]
+    ways *= np.minimum(chain.upper - chain.lower, np.pi)  # meters, along which each joint moves a point
+    for k, twin in enumerate(mirrored):
+        children = [i for i, parent in enumerate(chain.parents) if parent == points.links[k]]
+        begins = any(np.linalg.norm(chain.offsets[i][:3, 3] - points.positions[k]) < _BEGINS_M for i in children)
+        way = np.linalg.norm(ways[k, moved[k] & ~moved[twin]])
+        if k < twin and begins and way < _STAYS * np.linalg.norm(places[k] - places[twin]):
+            pairs.append((k, int(twin)))
+    return pairs
 
 
 class DepthGuesses:
