@@ -77,8 +77,8 @@ def _smaller(image: Image) -> Image:
     return small
 
 
-def _yuv(image: Image) -> Image:
-    image.encoding, image.step = "yuv422", 2 * image.width
+def _of_floats(image: Image) -> Image:
+    image.encoding, image.step = "32FC3", 12 * image.width
     return image
 
 
@@ -239,7 +239,7 @@ DRILLS = (
         _refused(truncated, "contradicts itself"),
     ),
     Drill("image of another size", "refused, both sizes named; the others go on", _refused(_smaller, "calibration", "80x60")),
-    Drill("image of another encoding", "refused, the encoding named; the others go on", _refused(_yuv, "yuv422")),
+    Drill("image of another encoding", "refused, the encoding named; the others go on", _refused(_of_floats, "32FC3")),
     Drill("damaged JPEG", "refused, the camera named; the others go on", _bad_jpeg),
     Drill("clock jumps back", "the tracker begins again by itself", _clock_back),
     Drill("a camera's clock jumps ahead", "sets of the others go on, its images counted; whole again after", _offset_jumps),

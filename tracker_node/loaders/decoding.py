@@ -17,8 +17,16 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".p
 _REDUCED = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
 # OpenCV counts the pattern from the second line and column; these aliases go by the first.
 _FROM_BAYER = {name: getattr(cv2, f"COLOR_Bayer{name.upper()}2BGR") for name in ("rggb", "bggr", "gbrg", "grbg")}
-_SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8"}  # other names for those that the core knows
+_SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8", "8UC4": "bgra8", "uyvy": "yuv422", "yuyv": "yuv422_yuy2"}  # other names
 _BAYER_ENCODING = {f"bayer_{name}8": name for name in _FROM_BAYER}
+# What else cameras of ROS send, of which images of the core are made: numbers a pixel, and how they become bgr8. 16UC1 is not among
+# them: such images are depths.
+_CONVERTED: dict[str, tuple[int, int | None]] = {
+    "bgra8": (4, cv2.COLOR_BGRA2BGR), "rgba8": (4, cv2.COLOR_RGBA2BGR),
+    "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY), "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2),
+    "mono16": (1, None), "bgr16": (3, None), "rgb16": (3, cv2.COLOR_RGB2BGR),
+    **{f"bayer_{name}{bits}": (1, code) for name, code in _FROM_BAYER.items() for bits in (8, 16)},
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,8 +226,9 @@ def bayer_pattern(encoding: str) -> str | None:
 
 
 def pixels_of(
-    camera: str, size: tuple[int, int], encoding: str, step: int, content: np.ndarray, what: str = "image message"
-) -> tuple[np.ndarray, str]:
+    camera: str, size: tuple[int, int], encoding: str, step: int, content: np.ndarray, what: str = "image message",
+    big_endian: bool = False,
+) -> tuple[np.ndarray, str]:  # fmt: skip
     """Pixels of a sensor_msgs/Image.
 
     Parameters
@@ -227,24 +236,36 @@ def pixels_of(
     camera, size : name, for messages; (width, height).
     encoding, step, content : as in the message; bytes from row to row; (n,) uint8.
     what : the image, for messages.
+    big_endian : order of the bytes of 16 bits, whose upper eight are taken.
 
     Returns
     -------
-    (height, width[, 3]) uint8, a view of ``content`` or, where rows have padding, a read-only copy; and the name that
-    the core has for their encoding.
+    (height, width[, 3]) uint8, a view of ``content`` or, where rows have padding or pixels are converted, a read-only copy; and
+    the name that the core has for their encoding.
 
     Raises
     ------
     SourceError : naming the camera, for an encoding or a size that cannot be used.
     """
     (width, height), encoding = size, _SAME_ENCODING.get(encoding, encoding)
-    if encoding not in ENCODINGS:
-        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS)}, got {shown(encoding)}")
-    channels = ENCODINGS[encoding]
-    if step < width * channels or content.size < height * step or not height * width:
+    if encoding not in ENCODINGS and encoding not in _CONVERTED:
+        raise SourceError(camera, f"image encoding: expected one of {sorted(ENCODINGS | _CONVERTED)}, got {shown(encoding)}")
+    channels, code = (ENCODINGS[encoding], None) if encoding in ENCODINGS else _CONVERTED[encoding]
+    wide = encoding.endswith("16")
+    used = width * channels * (2 if wide else 1)
+    if step < used or content.size < height * step or not height * width:
         raise SourceError(camera, f"{what} contradicts itself: {width}x{height}, step {step}, {content.size} bytes")
-    rows = content[: height * step].reshape(height, step)[:, : width * channels]
-    if step != width * channels:  # compiled code is made for rows without padding, and images that are not changed
+    rows = content[: height * step].reshape(height, step)[:, :used]
+    if wide:
+        rows = rows[:, 0 if big_endian else 1 :: 2]
+    if step != used or encoding not in ENCODINGS:  # compiled code is made for rows without padding, and images that do not change
         rows = np.ascontiguousarray(rows)
+        if code is not None:
+            try:
+                rows = cv2.cvtColor(rows if channels == 1 else rows.reshape(height, width, channels), code)
+            except cv2.error as error:  # of half a pixel of a mosaic, or of a pair
+                raise SourceError(camera, f"{what}: {encoding} of {width}x{height} pixels cannot be converted") from error
         rows.flags.writeable = False
+    if encoding not in ENCODINGS:
+        encoding, channels = ("mono8", 1) if encoding == "mono16" else ("bgr8", 3)
     return rows if channels == 1 else rows.reshape(height, width, channels), encoding

@@ -73,8 +73,8 @@ def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage
 
 
 def _pixels(content: Any, encoding: str, camera: str, stamp_ns: int) -> tuple[np.ndarray, str]:
-    what = f"image at {stamp_ns} ns"
-    pixels, encoding = pixels_of(camera, (content.width, content.height), encoding, content.step, content.data, what)
+    what, size, swapped = f"image at {stamp_ns} ns", (content.width, content.height), bool(content.is_bigendian)
+    pixels, encoding = pixels_of(camera, size, encoding, content.step, content.data, what, swapped)
     pixels.setflags(write=False)
     return pixels, encoding
 

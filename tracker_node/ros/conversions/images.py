@@ -91,7 +91,8 @@ def camera_image_of(camera: str, message: Image) -> CameraImage:
     SourceError : naming the camera, for an encoding or a size that cannot be used.
     """
     content = np.frombuffer(message.data, np.uint8)
-    pixels, encoding = pixels_of(camera, (message.width, message.height), message.encoding, message.step, content)
+    size, swapped = (message.width, message.height), bool(message.is_bigendian)
+    pixels, encoding = pixels_of(camera, size, message.encoding, message.step, content, big_endian=swapped)
     return CameraImage(camera, stamp_ns_of(message.header.stamp), pixels, encoding)
 
 
@@ -116,12 +117,12 @@ def decode_raw_image(camera: str, data: bytes) -> CameraImage:
         seconds, nanoseconds = reader.int32(), reader.uint32()
         reader.string()  # frame_id
         height, width, encoding = reader.uint32(), reader.uint32(), reader.string()
-        reader.offset += 1  # is_bigendian: of no meaning for bytes
+        swapped = bool(reader.uint8())  # the order of the bytes of wider numbers
         step, size = reader.uint32(), reader.uint32()
         content = np.frombuffer(data, np.uint8, count=size, offset=4 + reader.offset)
-    except (struct.error, ValueError, UnicodeDecodeError) as error:
+    except (struct.error, IndexError, ValueError, UnicodeDecodeError) as error:
         raise SourceError(camera, f"damaged image message ({error})") from error
-    pixels, encoding = pixels_of(camera, (width, height), encoding, step, content)
+    pixels, encoding = pixels_of(camera, (width, height), encoding, step, content, big_endian=swapped)
     return CameraImage(camera, seconds * NS_PER_S + nanoseconds, pixels, encoding)
 
 
@@ -138,6 +139,10 @@ class _CdrReader:
         (value,) = struct.unpack_from(self._order + kind, self._data, 4 + self.offset)
         self.offset += 4
         return value
+
+    def uint8(self) -> int:
+        self.offset += 1
+        return self._data[3 + self.offset]
 
     def int32(self) -> int:
         return self._word("i")
