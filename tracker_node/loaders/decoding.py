@@ -19,8 +19,8 @@ _REDUCED = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_RE
 _FROM_BAYER = {name: getattr(cv2, f"COLOR_Bayer{name.upper()}2BGR") for name in ("rggb", "bggr", "gbrg", "grbg")}
 _SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8", "8UC4": "bgra8", "uyvy": "yuv422", "yuyv": "yuv422_yuy2"}  # other names
 _BAYER_ENCODING = {f"bayer_{name}8": name for name in _FROM_BAYER}
-# What else cameras of ROS send, of which images of the core are made: numbers a pixel, and how they become bgr8. 16UC1 is not among
-# them: such images are depths.
+# What else cameras of ROS send, of which images of the core are made: numbers a pixel, and how they become bgr8. Not 16UC1: such
+# images are depths.
 _CONVERTED: dict[str, tuple[int, int | None]] = {
     "bgra8": (4, cv2.COLOR_BGRA2BGR), "rgba8": (4, cv2.COLOR_RGBA2BGR),
     "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY), "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2),
