@@ -33,12 +33,12 @@ class Hands:
                 self.page.keyboard.type(value)
 
     def press(self, step: str) -> list[str]:
-        """The step's button, once its command lines are there; they are returned."""
+        """The step's button, twice as some people do, once its command lines are there; they are returned."""
         self.page.wait_for_function(f"() => document.querySelector('#step-{step} pre').textContent.startsWith('tracker_node ')")
         self.page.wait_for_selector("body[aria-busy=false]")
         shown = self.page.locator(f"#step-{step} pre").first.inner_text().splitlines()
         with self.page.expect_response("**/api/wizard/start"):
-            self.page.click(f"#step-{step} button.primary")
+            self.page.dblclick(f"#step-{step} button.primary")
         self.page.wait_for_selector("body[aria-busy=false]")  # what an earlier command has said is gone
         return shown
 

@@ -44,13 +44,13 @@ def dark(path):
 
 def test_a_time_by_each_of_the_ways(tmp_path, monkeypatch):
     """One after the other, as somebody tries them, first with a camera that lacks what it takes."""
-    for name, less in {"CLIP_S": 7.0, "ECHO_S": 0.02, "FLASHED_S": 16.0, "N_FLASHES": 8}.items():
+    for name, less in {"CLIP_S": 6.0, "ECHO_S": 0.02, "FLASHED_S": 12.0, "N_FLASHES": 8}.items():
         monkeypatch.setattr(rooms, name, less)
     room, by_page, by_hand = rooms.make_room(1), tmp_path / "page/room", tmp_path / "hand/room"
     written = {
         "sound": lambda folder: rooms.write_sounds(room, folder, 1, CLAP),
         "flash": lambda folder: rooms.write_flashes(room, folder, 1),
-        "blinking": lambda folder: rooms.write_blinking(room, folder, 1, 8.0),
+        "blinking": lambda folder: rooms.write_blinking(room, folder, 1, 7.0),
         "timecode": lambda folder: write_labeled(room, folder),
     }
     lacks = {"sound": "expected a sound track", "flash": "no flash is seen"}

@@ -80,8 +80,9 @@ function form(step) {
     button.disabled = Boolean(answer.missing) || facts.job.running;
   };
   button.addEventListener("click", async () => {
+    button.disabled = true; // two clicks are one
     const job = await attempt(() => request("/api/wizard/start", asked()));
-    if (!job) return;
+    if (!job) { await attempt(load); return; } // another page's may be running, which can be canceled here too
     facts.job = job;
     opened[step.name] = undefined;
     draw();

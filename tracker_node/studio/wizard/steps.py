@@ -177,7 +177,8 @@ class Steps:
                 found = self._cameras(RIG)
             except TrackerError as error:
                 return Step("rig", title, TODO, str(error), self._rig_ways(), files=self._there("rig.html"))
-            said = "; ".join([f"{RIG}: {len(found)} cameras", *(f"{name} is of none of them" for name in self._unused())])
+            cameras = f"{len(found)} camera{'s' if len(found) > 1 else ''}"
+            said = "; ".join([f"{RIG}: {cameras}", *(f"{name} is of none of them" for name in self._unused())])
             return Step("rig", title, DONE, said, self._rig_ways(), found, self._there("rig.html"))
         if not here.recordings:
             said = "no videos in this folder, and no folders of images: put those of every camera here"
