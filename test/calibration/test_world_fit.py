@@ -1,13 +1,15 @@
 """The world of a rig from files of clicks: what gives the frame, what the scale, and what is only measured."""
 
+import cv2
 import numpy as np
 import pytest
 
+from helpers.cameras import board_films
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.board.board import Board
 from tracker_node.calibration.world_fit import WorldEvidence, board_points, fit_world, with_world
 from tracker_node.calibration.world_frame import WorldChange
-from tracker_node.errors import FileFormatError, SourceError, TrackerError
+from tracker_node.errors import FileFormatError, SourceError, TrackerError, UnknownNameError
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.control_points import ControlPoints, dump_clicks, dump_control_points
 from tracker_node.loaders.rig.rig_yaml import build_rig, rig_file_of
@@ -84,9 +86,22 @@ def test_missing_points_are_named(tmp_path):
 
 def test_boards_that_give_no_frame(tmp_path):
     with pytest.raises(TrackerError, match="the same upside down"):
-        board_points(Board("chessboard", 4, 4, 0.04), {})
+        board_points(RIG, Board("chessboard", 4, 4, 0.04), {})
     with pytest.raises(SourceError, match="cannot be read"):
-        board_points(Board("chessboard", 5, 4, 0.04), {"cam01": tmp_path / "none.png"})
+        board_points(RIG, Board("chessboard", 5, 4, 0.04), {RIG.names[0]: tmp_path / "none.png"})
+
+
+def test_images_of_a_board_that_one_camera_has_taken_or_in_another_size(tmp_path):
+    rig, lies = board_films.rig(), board_films.pose(0.4)
+    image = board_films.image_of(rig.cameras[0], board_films.CARRIED, lies)
+    for name, picture in (("small", image), ("large", cv2.resize(image, None, fx=2.0, fy=2.0))):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
+    with pytest.raises(TrackerError, match="from two cameras, of the same corners, got cam01"):
+        board_points(rig, board_films.CARRIED, {"cam01": tmp_path / "small.png"})
+    with pytest.raises(SourceError, match="image of 480x300, for which the lens of camera 'cam01' is, got 960x600"):
+        board_points(rig, board_films.CARRIED, {"cam01": tmp_path / "large.png"})
+    with pytest.raises(UnknownNameError, match="unknown camera 'plan'"):
+        board_points(rig, board_films.CARRIED, {"plan": tmp_path / "small.png"})
 
 
 def test_only_places_of_a_rig_file_change():

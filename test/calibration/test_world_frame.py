@@ -147,6 +147,13 @@ def test_a_point_of_one_camera_is_refused_by_name():
         seen_points(RIG, clicks(np.zeros(3), "cam02"))
 
 
+def test_a_pixel_beside_the_image_is_refused():
+    beside = clicks(np.zeros(3), "cam02", "cam03")
+    beside["cam03"]["p"] = np.array([1e4, 20.5])
+    with pytest.raises(CalibrationError, match=r"cam03.*point 'p': expected a pixel of its image of \d+x\d+, got 10000, 20.5"):
+        seen_points(RIG, beside)
+
+
 def test_cameras_that_are_not_there_are_refused():
     with pytest.raises(UnknownNameError, match="other"):
         seen_points(RIG, {"other": {}})

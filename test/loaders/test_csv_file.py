@@ -14,3 +14,10 @@ def test_a_field_of_more_than_128_kilobytes_is_named(tmp_path: Path, before: str
     path.write_text(f'{before}1,"{"x" * 200_000}"\n')
     with pytest.raises(FileFormatError, match=rf"clicks\.csv: field 'line {line}'.*limit"):
         list(CsvTable(path).rows())
+
+
+def test_the_mark_that_spreadsheets_begin_with_is_no_part_of_the_first_column(tmp_path: Path) -> None:
+    path = tmp_path / "clicks.csv"
+    path.write_bytes(b"\xef\xbb\xbfcamera,u\r\ncam01,2.5\r\n")
+    table = CsvTable(path, ("camera", "u"))
+    assert table.header == ("camera", "u") and [row.number(1) for row in table.rows()] == [2.5]

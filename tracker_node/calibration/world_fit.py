@@ -146,11 +146,14 @@ def with_world(rig_file: RigFile, rig: CameraRig) -> RigFile:
     return moved.model_copy(update={"lights": rig_file_of(rig).lights})
 
 
-def board_points(board: Board, files: Mapping[str, str | Path]) -> tuple[Clicks, dict[str, np.ndarray]]:
+def board_points(
+    rig: CameraRig, board: Board, files: Mapping[str, str | Path]
+) -> tuple[Clicks, dict[str, np.ndarray]]:  # fmt: skip
     """Corners of a board in one image a camera, those that two cameras or more see.
 
     Parameters
     ----------
+    rig : its cameras.
     board : that lies still.
     files : camera -> image.
 
@@ -160,20 +163,26 @@ def board_points(board: Board, files: Mapping[str, str | Path]) -> tuple[Clicks,
 
     Raises
     ------
-    TrackerError : a board that looks the same upside down, or an image without it.
+    TrackerError : a board that looks the same upside down, a camera that the rig has not, an image without the board or of
+        another size than the camera's, or no corner that two cameras see.
     """
     if board.turns_unseen:
         raise TrackerError("this chessboard looks the same upside down: cameras may not agree on its corners; take another")
     clicks, detector = {}, BoardDetector(board)
     for camera, file in files.items():
-        image = cv2.imread(str(file))
+        lens, image = rig[camera].model, cv2.imread(str(file))
         if image is None:
             raise SourceError(file, "cannot be read as an image")
+        if image.shape[:2] != (lens.height, lens.width):  # a still, where the rig is for videos
+            expected = f"expected an image of {lens.width}x{lens.height}, for which the lens of camera '{camera}' is"
+            raise SourceError(file, f"{expected}, got {image.shape[1]}x{image.shape[0]}")
         view = detector.find(image)
         if view is None:
             raise SourceError(file, f"no {board} in it")
         clicks[camera] = {f"corner {i}": pixel for i, pixel in zip(view.ids, view.pixels, strict=True)}
     twice = {name for points in clicks.values() for name in points if sum(name in other for other in clicks.values()) > 1}
+    if not twice:
+        raise TrackerError(f"expected images of the board from two cameras, of the same corners, got {', '.join(files)}")
     clicks = {camera: {n: p for n, p in points.items() if n in twice} for camera, points in clicks.items()}
     return clicks, {f"corner {i}": corner for i, corner in enumerate(board.corners)}
 
@@ -189,7 +198,7 @@ def _in_frame(rig: CameraRig, evidence: WorldEvidence) -> tuple[CameraRig, Point
     if evidence.points is not None:
         return _on_points(rig, *_control_points(evidence.points), evidence.fit_scale)
     if evidence.board is not None:
-        return _on_points(rig, *board_points(evidence.board, evidence.board_images or {}), evidence.fit_scale)
+        return _on_points(rig, *board_points(rig, evidence.board, evidence.board_images or {}), evidence.fit_scale)
     return rig, None
 
 

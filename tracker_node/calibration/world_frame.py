@@ -75,7 +75,7 @@ def seen_points(rig: CameraRig, clicks: Mapping[str, Mapping[str, np.ndarray]]) 
     Raises
     ------
     UnknownNameError : a camera that is not in the rig.
-    CalibrationError : a point that fewer than two cameras see from different sides; naming it.
+    CalibrationError : a pixel that is not on the image, or a point that fewer than two cameras see from different sides.
     """
     for name in clicks:
         if name not in rig.names:
@@ -84,6 +84,9 @@ def seen_points(rig: CameraRig, clicks: Mapping[str, Mapping[str, np.ndarray]]) 
     pixels, weights = np.zeros((len(names), len(rig), 2)), np.zeros((len(names), len(rig)))
     for i, camera in enumerate(rig):
         for point, pixel in clicks.get(camera.name, {}).items():
+            if not camera.model.in_image(pixel):  # of a still, where the rig is for videos
+                size, at = f"{camera.model.width}x{camera.model.height}", ", ".join(f"{value:g}" for value in pixel)
+                raise CalibrationError(camera.name, f"point '{point}': expected a pixel of its image of {size}, got {at}")
             pixels[names.index(point), i], weights[names.index(point), i] = pixel, 1.0
     models, places = [camera.model for camera in rig], np.array([camera.T_world_cam for camera in rig])
     points, valid = triangulate(models, places, pixels, weights)

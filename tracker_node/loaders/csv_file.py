@@ -100,7 +100,8 @@ class CsvTable:
 
     def __init__(self, path: str | Path, columns: Sequence[str] = ()):
         self.path = Path(path)
-        self._lines = csv.reader(io.StringIO(read_text(self.path, TABLE_BYTES, unix_lines=False), newline=""))
+        text = read_text(self.path, TABLE_BYTES, unix_lines=False).removeprefix("\ufeff")  # which spreadsheets begin with
+        self._lines = csv.reader(io.StringIO(text, newline=""))
         self.header: tuple[str, ...] = tuple(self._next() or ())
         if self.header[: len(columns)] != tuple(columns):
             raise FileFormatError(self.path, "header", f"columns starting with {','.join(columns)}", ",".join(self.header))

@@ -132,16 +132,16 @@ def videos_by_camera(trial: ProjectTrial, names: Sequence[str], tell: Callable[[
 
     Raises
     ------
-    FileFormatError : fewer than two cameras have a video, and the numbers of cameras and videos differ.
+    FileFormatError : fewer than two of several cameras have a video, and the numbers of cameras and videos differ.
     """
     for key in (lambda text: identifier(text).lower(), _number):
         cameras, videos = ({key(name): name for name in found} for found in (names, trial.videos))
         both = [value for value in cameras if value in videos and value is not None]
-        if len(cameras) == len(names) and len(videos) == len(trial.videos) and len(both) > 1:
+        if len(cameras) == len(names) and len(videos) == len(trial.videos) and len(both) >= min(2, len(names)):
             for name in (cameras[value] for value in cameras if value not in both):
                 tell(f"camera {name} has no video in {trial.folder} and is left out")
             return {cameras[value]: trial.videos[videos[value]] for value in both}
-    if len(names) != len(trial.videos) or len(names) < 2:
+    if len(names) != len(trial.videos):
         expected = f"a video for each of the cameras {', '.join(names)}, by its name or its number"
         raise FileFormatError(trial.folder, "(videos)", expected, ", ".join(map(str, trial.videos)))
     files = sorted(trial.videos, key=natural)

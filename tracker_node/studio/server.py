@@ -12,6 +12,7 @@ from __future__ import annotations
 import hmac
 import secrets
 import socket
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -75,26 +76,37 @@ class CurrentPages:
     def __init__(self, session: StudioSession, pages: Sequence[Page]):
         self._first, self._pages = session, pages
         self._session, self._router = session, self._router_of(session)
+        self._opening, self._files = threading.Lock(), session.files
         session.closing.callback(self._close)
         if session.files.new is not None:
-            self.reopen()
+            self.reopen(True)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         await self._router(scope, receive, send)
 
-    def reopen(self) -> None:
-        """Show what lies in the recording's folder now; what cannot be opened is left out: its step says why."""
+    def reopen(self, changed: bool) -> None:
+        """Show what lies in the recording's folder now; what cannot be opened is left out: its step says why.
+
+        Parameters
+        ----------
+        changed : whether files may have other contents; else only others than before are shown.
+        """
         folder = self._first.files.new
         if folder is None:
             return
-        poses = {"new": folder, "folder": folder / "poses", "clicks": folder / "clicks"}
-        try:
-            session = open_session(StudioFiles(**poses, **wizard_page.files_of(folder)))
-        except TrackerError:
-            session = open_session(StudioFiles(**poses))
-        before, self._session, self._router = self._session, session, self._router_of(session)
-        if before is not self._first:
-            before.closing.close()
+        with self._opening:
+            poses = {"new": folder, "folder": folder / "poses", "clicks": folder / "clicks"}
+            files = StudioFiles(**poses, **wizard_page.files_of(folder))
+            if files == self._files and not changed:
+                return
+            self._files = files
+            try:
+                session = open_session(files)
+            except TrackerError:
+                session = open_session(StudioFiles(**poses))
+            before, self._session, self._router = self._session, session, self._router_of(session)
+            if before is not self._first:
+                before.closing.close()
 
     def _router_of(self, session: StudioSession) -> Router:
         routes: list[BaseRoute] = [

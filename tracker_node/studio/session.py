@@ -69,16 +69,32 @@ class StudioSession:
     images: RecordedImages | None = None
     closing: ExitStack = field(default_factory=ExitStack)
 
+    def missing(self, what: str, option: str, step: str) -> TrackerError:
+        """A page cannot be shown.
+
+        Parameters
+        ----------
+        what : it needs.
+        option : of the command line that names it.
+        step : of a recording's folder that makes it.
+
+        Returns
+        -------
+        To be raised.
+        """
+        how = f"start with {option}" if self.files.new is None else f"the step {step} of the page New comes first"
+        return TrackerError(f"this page needs {what}: {how}")
+
     def needed_rig(self) -> CameraRig:
         """The rig, or a `TrackerError` that says how to name one."""
         if self.rig is None:
-            raise TrackerError("this page needs cameras: start with --rig rig.yaml")
+            raise self.missing("cameras", "--rig rig.yaml", "Rig")
         return self.rig
 
     def needed_model(self) -> ArticulatedModel:
         """The body, or a `TrackerError` that says how to name one."""
         if self.model is None:
-            raise TrackerError("this page needs a body: start with --model person.yaml")
+            raise self.missing("a body", "--model person.yaml", "Body")
         return self.model
 
     @made_once

@@ -13,6 +13,7 @@ from helpers.sources import projects
 from tracker_node.calibration.body import model_stature
 from tracker_node.cli.main import main
 from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.projects import recordings_by_camera
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.opencap_pickle import FILE_NAME
 from tracker_node.loaders.rig.rig_yaml import load_rig
@@ -171,6 +172,12 @@ def test_names_that_settle_nothing_are_paired_in_order(tmp_path, capsys):
     rig = load_rig(imported(folder, tmp_path / "mine") / "rig.yaml")
     assert [Path(camera.source).stem for camera in rig] == ["left", "middle", "right"]
     assert "are paired in their order: int_cam01_img: left.mp4" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["cam01", "rec2_cam1", "walk"])
+def test_the_only_video_is_that_of_the_only_camera(tmp_path, name):
+    projects.film(tmp_path / f"{name}.mp4")
+    assert recordings_by_camera(tmp_path, ["cam01"], print) == {"cam01": tmp_path / f"{name}.mp4"}
 
 
 def test_a_camera_without_a_video_is_left_out(tmp_path, capsys):

@@ -14,6 +14,7 @@ from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError
 from tracker_node.studio.wizard import jobs
 from tracker_node.studio.wizard.folder import contents_of
+from tracker_node.studio.wizard.page import files_of
 from tracker_node.studio.wizard.steps import Steps
 
 
@@ -79,6 +80,38 @@ def test_what_is_typed_is_no_option_of_a_command(folder):
             steps.commands(step, way, {})
 
 
+def test_numbers_and_sizes_as_people_write_them(folder):
+    """A command line would take -1e-3 for an option, and no size with blanks."""
+    files = str(folder / "Calib.toml"), "--sources", str(folder / "videos"), "-o", str(folder / "rig.yaml")
+    assert main(["rig", "import", *files]) == 0
+    (folder / "world").mkdir()
+    cv2.imwrite(str(folder / "world/cam01.png"), np.zeros((4, 4), np.uint8))
+    (clap,) = Steps(folder).commands("time", "sound", {"at": "-1e-3, 0.20  1", "max_offset": "0.5e1"})
+    assert clap == ["synchronize", "--rig", "rig.yaml", "--by", "sound", "--at", "-0.001", "0.2", "1", "--max-offset", "5",
+                    "-o", "rig_timed.yaml"]  # fmt: skip
+    for wrong in ("1 2", "1 2 3 4", "1 2 x", "1 2 nan", "1 2 inf"):
+        with pytest.raises(TrackerError, match="where the clap was: expected "):
+            Steps(folder).commands("time", "sound", {"at": wrong})
+    with pytest.raises(TrackerError, match="unknown field 'max_offset'"):  # timecode tells any
+        Steps(folder).commands("time", "timecode", {"max_offset": "2"})
+    for size in ("9x6", " 9 x 6", "9\N{MULTIPLICATION SIGN}6"):
+        (lying,) = Steps(folder).commands("world", "board", {"pattern": "chessboard", "size": size, "square": "3e-2"})
+        assert lying[5:9] == ["--chessboard", "9x6", "--square", "0.03"] and "--scale" not in lying
+
+
+def test_tables_of_points_are_found_as_spreadsheets_write_them(folder):
+    tables = {
+        "clicked.csv": "camera,point,x,y,z,u,v\n", "marked.csv": "\ufeffcamera,point,x,y,z,u,v,note\n",
+        "other.csv": "Camera;Point;X;Y;Z;U;V\n", "object.csv": "\ufeffpoint,x,y,z\n", "joints.csv": "stamp_ns,point,x,y,z\n",
+    }  # fmt: skip
+    (folder / "clicks").mkdir()
+    for name, text in {**tables, "clicks/control_points.csv": tables["clicked.csv"]}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    found = contents_of(folder)
+    assert found.control_points == ("clicked.csv", "marked.csv", "other.csv", "clicks/control_points.csv")
+    assert found.places == ("object.csv",) and files_of(folder)["control_points"] == folder / "object.csv"
+
+
 def test_links_that_lead_out_of_the_folder_are_not_followed(folder, tmp_path):
     (tmp_path / "secret").mkdir()
     shutil.move(folder / "Calib.toml", tmp_path / "secret/Calib.toml")
@@ -97,8 +130,8 @@ def test_a_step_is_old_when_what_it_was_made_from_is_newer(folder):
     assert Steps(folder).current_rig() == "rig_timed.yaml"
     (folder / "rig.yaml").write_text((folder / "rig.yaml").read_text())
     time = Steps(folder).all()[1]
-    assert time.state == "if needed" and time.said == "rig_timed.yaml is older than rig.yaml: do it again"
-    assert Steps(folder).current_rig() == "rig.yaml"
+    assert time.state == "to do" and time.said == "rig_timed.yaml is older than rig.yaml: do it again"
+    assert Steps(folder).current_rig() == "rig.yaml"  # later steps would go by it, without the clocks that were found
 
 
 def test_a_damaged_world_leaves_the_page_and_can_be_made_again(folder):
@@ -160,6 +193,8 @@ def test_videos_of_unlike_sizes_and_steps_before_their_time_over_http(folder):
         client = Client(studio.url)
         early = client.json("/api/wizard/start", {"step": "look", "way": "evaluate", "values": {}}, status=400)
         assert early["error"] == "look: needs a run"
+        for page, step in (("digitizing", "Rig"), ("pose/body", "Body")):
+            assert f"the step {step} of the page New" in client.json(f"/api/{page}", status=400)["error"]
         job = client.do("rig", "import")
         assert "expected 200x200, got 200x160" in job["error"] and "--pixel-map cam02=cut" in job["error"]
         assert client.step("rig")["state"] == "to do" and not (folder / "rig.yaml").exists()

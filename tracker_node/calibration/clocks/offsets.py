@@ -238,7 +238,8 @@ def clocks_of_pairs(
     n = len(names)
     for k, name in enumerate(names):
         if max((pair.correlation for pair in pairs if k in (pair.i, pair.j)), default=0.0) < _BEST_CORRELATION:
-            raise CalibrationError(name, f"its {what} agrees with no other camera's below the image period")
+            where = "below the image period" if what == "motion" else "within the largest offset that is searched"
+            raise CalibrationError(name, f"its {what} agrees with no other camera's {where}")
     _check_connected(pairs, names, what)
     held = np.zeros((n, width), dtype=bool)
     for _ in range(2):

@@ -184,7 +184,7 @@ def open_run(session: StudioSession) -> PlayedRun:
     """
     path, rig, model = session.files.run, session.needed_rig(), session.needed_model()
     if path is None:
-        raise TrackerError("this page needs a run: start with --run FOLDER")
+        raise session.missing("a run", "--run FOLDER", "Run")
     data = load_run(path)
     data.check_model(model, session.files.model or "--model")
     own_rig = session.files.rig is not None and str(session.files.rig.resolve()) == options_of(data.info).get("rig")

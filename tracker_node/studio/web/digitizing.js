@@ -24,7 +24,7 @@ if (facts?.error) document.body.append(make("p", { class: "notice" }, facts.erro
 else if (facts) await begin();
 
 async function begin() {
-  Object.assign(state, { cameras: session.cameras, sets: session.sets, facts });
+  Object.assign(state, { cameras: session.cameras, sets: session.sets, isNew: Boolean(session.files.new), facts });
   document.querySelector("main").hidden = false;
   for (const camera of state.cameras) views.push(makeView(camera));
   new ResizeObserver(arrange).observe(byId("views"));
@@ -34,6 +34,7 @@ async function begin() {
   byId("folder").title = facts.folder;
   choosePoint(facts.points[0] ?? "", false);
   listen();
+  if (location.hash === "#control") { byId("sheet").value = "control"; chooseSheet("control"); }
   await showSet(0);
   await showRepeats();
 }

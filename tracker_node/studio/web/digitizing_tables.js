@@ -30,7 +30,8 @@ function showPoints(state, control, choose) {
     return row;
   }));
   if (!names.length) byId("points").replaceChildren(make("tr", {}, make("td", { class: "soft" }, control
-    ? "no control points: start with --control-points FILE" : "no points yet: name one below")));
+    ? state.isNew ? "no control points: put a CSV file point,x,y,z into the folder" : "no control points: start with --control-points FILE"
+    : "no points yet: name one below")));
 }
 
 function controlRms(state, name) {

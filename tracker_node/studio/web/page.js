@@ -10,14 +10,19 @@ const PAGES = [
 export async function openPage(current) {
   const header = make("header", { class: "studio" }, make("span", { class: "title" }, "tracker_node studio"));
   const links = PAGES.map(([file, name]) => make("a", { href: `/${file}`, ...(file === current ? { "aria-current": "page" } : {}) }, name));
-  const about = make("span", { class: "about" });
-  header.append(make("nav", {}, ...links), about);
+  header.append(make("nav", {}, ...links), make("span", { class: "about" }));
   document.body.prepend(header);
   const session = await request("/api/session");
+  showFiles(session);
+  return session;
+}
+
+/** What the pages work on, in the header. */
+export function showFiles(session) {
+  const about = document.querySelector("header.studio .about");
   const names = [session.files.rig, session.files.model, session.files.run].filter(Boolean).map((path) => path.split("/").pop());
   about.textContent = names.join("  ·  ");
   about.title = Object.values(session.files).filter(Boolean).join("\n");
-  return session;
 }
 
 /** Open a page whose own facts are at `path`, and `begin(session, facts)`; without them the page says why. */

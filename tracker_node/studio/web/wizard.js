@@ -1,7 +1,7 @@
 // The seven steps from videos to a report: each with its state, what was found, its fields, its commands and one button.
 
 import { attempt, make, request, say } from "/common.js";
-import { openPage } from "/page.js";
+import { openPage, showFiles } from "/page.js";
 
 const PERIOD_MS = 700;
 const STATE_CLASS = { done: "good", "to do": "first", "if needed": "soft", "not yet": "soft" };
@@ -29,6 +29,7 @@ async function follow() {
     return;
   }
   await attempt(load);
+  await attempt(async () => showFiles(await request("/api/session")));
   if (facts.job.error) say(facts.job.error, "bad");
   else say(facts.job.canceled ? "canceled" : "done");
 }
@@ -79,8 +80,9 @@ function form(step) {
     button.disabled = Boolean(answer.missing) || facts.job.running;
   };
   button.addEventListener("click", async () => {
+    button.disabled = true; // two clicks are one
     const job = await attempt(() => request("/api/wizard/start", asked()));
-    if (!job) return;
+    if (!job) { await attempt(load); return; } // another page's may be running, which can be canceled here too
     facts.job = job;
     opened[step.name] = undefined;
     draw();
@@ -109,7 +111,7 @@ function input(field, choice, changed) {
   const element = field.kind === "choice"
     ? make("select", {}, ...(field.value ? [] : [make("option", { value: "" }, field.options.length ? "choose\u2026" : "none here")]),
       ...field.options.map((option) => make("option", { value: option, selected: option === value }, option)))
-    : make("input", { type: field.kind === "number" ? "number" : "text", step: "any", value });
+    : make("input", { type: "text", inputmode: field.kind === "number" && "decimal", value }); // a number field drops commas
   element.dataset.field = field.name;
   element.addEventListener("input", () => { choice.values[field.name] = element.value; keep(); changed(); });
   return element;

@@ -15,7 +15,7 @@ from ...loaders.whole_file import read_text
 WORLD_FOLDERS = ("world", "floor")
 _NO_RECORDINGS = {"backgrounds", "background", "empty", "stills", "poses", *WORLD_FOLDERS}
 _CALIBRATIONS = (".toml", ".yaml", ".yml", ".xml", ".txt", ".csv", ".pickle")
-_CONTROL_POINTS = {"camera", "point", "x", "y", "z", "u", "v"}
+_CONTROL_POINTS, _PLACES = {"camera", "point", "x", "y", "z", "u", "v"}, ("point", "x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class Contents:
     calibrations : of other programs.
     rigs : rig files under other names than the steps give.
     markers : TRC files.
-    control_points : CSV files of points of known place.
+    control_points : CSV files of points of known place, and where they are seen: also what was clicked on the page Points.
+    places : CSV files of the places alone, for that page.
     board_images : folder -> camera -> image.
     poses : saved states.
     """
@@ -38,6 +39,7 @@ class Contents:
     rigs: tuple[str, ...]
     markers: tuple[str, ...]
     control_points: tuple[str, ...]
+    places: tuple[str, ...]
     board_images: dict[str, dict[str, str]]
     poses: tuple[str, ...]
 
@@ -64,14 +66,16 @@ def contents_of(folder: Path) -> Contents:
         for place in places
         if place.name in WORLD_FOLDERS
     }
-    tables = [path for path in _with(folder, (".csv",), folder) if _columns(path) >= _CONTROL_POINTS]
+    csv_files = [*_with(folder, (".csv",), folder), *_with(folder / "clicks", (".csv",), folder)]
+    tables = {_name(path, folder): _columns(path) for path in csv_files}
     poses = [*_with(folder / "poses", (".yaml",), folder), *(p for p in (folder / "start.yaml",) if p.is_file())]
     return Contents(
         recordings,
         tuple(name for name, kind in kinds.items() if kind != RIG),
         tuple(name for name, kind in kinds.items() if kind == RIG),
         tuple(_name(path, folder) for path in _with(folder, (".trc",), folder)),
-        tuple(_name(path, folder) for path in tables),
+        tuple(name for name, columns in tables.items() if _CONTROL_POINTS.issubset(columns)),
+        tuple(name for name, columns in tables.items() if columns[: len(_PLACES)] == _PLACES),
         {name: images for name, images in boards.items() if images},
         tuple(_name(path, folder) for path in poses),
     )
@@ -117,8 +121,10 @@ def _kind(path: Path) -> str | None:
         return None
 
 
-def _columns(path: Path) -> set[str]:
+def _columns(path: Path) -> tuple[str, ...]:
+    """As a spreadsheet may have written them, so that the command says what it expects where that is not the same."""
     try:
-        return set(read_text(path).split("\n", 1)[0].replace(" ", "").split(","))
+        first = read_text(path).split("\n", 1)[0].lower().replace(" ", "").removeprefix("\ufeff")
     except TrackerError:
-        return set()
+        return ()
+    return tuple(re.split("[,;\t]", first))

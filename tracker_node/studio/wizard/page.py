@@ -44,12 +44,12 @@ class WizardPage:
     Parameters
     ----------
     session : that names the folder.
-    reopen : called when files have changed that other pages show.
+    reopen : called when files have changed that other pages show, or, with False, may have.
     """
 
-    def __init__(self, session: StudioSession, reopen: Callable[[], object]):
-        self._folder = session.files.new
-        self._jobs = None if self._folder is None else Jobs(self._folder, reopen)
+    def __init__(self, session: StudioSession, reopen: Callable[[bool], object]):
+        self._folder, self._reopen = session.files.new, reopen
+        self._jobs = None if self._folder is None else Jobs(self._folder, lambda: reopen(True))
         if self._jobs is not None:
             session.closing.callback(self._jobs.cancel)
 
@@ -59,8 +59,9 @@ class WizardPage:
         return self._folder, self._jobs
 
     def steps(self) -> dict[str, Any]:
-        """All steps, and the job."""
+        """All steps, and the job; somebody may have put files into the folder since."""
         folder, jobs = self._needed()
+        self._reopen(False)
         return {"folder": str(folder), "steps": [step.facts() for step in Steps(folder).all()], "job": jobs.facts()}
 
     def job(self) -> dict[str, Any]:
@@ -99,13 +100,12 @@ class WizardPage:
         return path
 
 
-def routes(session: StudioSession, reopen: Callable[[], object]) -> Sequence[BaseRoute]:
+def routes(session: StudioSession, reopen: Callable[[bool], object]) -> Sequence[BaseRoute]:
     """Below ``/api/wizard/``.
 
     Parameters
     ----------
-    session : that names the folder.
-    reopen : called when files have changed that other pages show.
+    session, reopen : see `WizardPage`.
 
     Returns
     -------
@@ -132,7 +132,8 @@ def files_of(folder: Path) -> dict[str, Path]:
     """What the other pages show of a recording's folder, by the names of `StudioFiles`; only what is there."""
     steps = Steps(folder)
     rig = steps.current_rig()
-    found = {"rig": rig, "model": PERSON, "config": "tracker.yaml", "initial_state": START, "run": steps.current_run()}
+    found = {"rig": rig, "model": PERSON, "config": "tracker.yaml", "initial_state": START, "run": steps.current_run(),
+             "control_points": steps.known_places()}  # fmt: skip
     there = {name: folder / file for name, file in found.items() if file is not None and (folder / file).exists()}
     if "model" not in there:
         there.pop("initial_state", None)

@@ -14,6 +14,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...calibration.video_pixels import KINDS
 from ...calibration.world_frame import UP, up_of_cameras
 from ...errors import FileFormatError, TrackerError, UnknownNameError
@@ -28,6 +30,7 @@ CHOICE, TEXT, NUMBER = "choice", "text", "number"
 _BOARDS = ("charuco", "chessboard")
 _COMPARED = ("contours and points", "contours")
 _AXES = ("x", "-x", "y", "-y", "z", "-z")
+_OF_RIG = "those of the rig"
 
 Values = Mapping[str, str]
 
@@ -142,6 +145,10 @@ class Steps:
         found = [path for path in self.folder.glob("run*/run.json") if is_run(path.parent)]
         return max(found, key=lambda path: path.stat().st_mtime_ns).parent.name if found else RUN
 
+    def known_places(self) -> str | None:
+        """Of points to be clicked on: the file that the page Points goes by."""
+        return next(iter(self._contents.places), None)
+
     def _has(self, name: str) -> bool:
         return (self.folder / name).is_file()
 
@@ -170,7 +177,8 @@ class Steps:
                 found = self._cameras(RIG)
             except TrackerError as error:
                 return Step("rig", title, TODO, str(error), self._rig_ways(), files=self._there("rig.html"))
-            said = "; ".join([f"{RIG}: {len(found)} cameras", *(f"{name} is of none of them" for name in self._unused())])
+            cameras = f"{len(found)} camera{'s' if len(found) > 1 else ''}"
+            said = "; ".join([f"{RIG}: {cameras}", *(f"{name} is of none of them" for name in self._unused())])
             return Step("rig", title, DONE, said, self._rig_ways(), found, self._there("rig.html"))
         if not here.recordings:
             said = "no videos in this folder, and no folders of images: put those of every camera here"
@@ -225,23 +233,21 @@ class Steps:
             "motion": "what moves", "sound": "claps in the sound", "flash": "flashes", "blinking": "a light that blinks",
             "timecode": "timecode",
         }  # fmt: skip
-        ways = tuple(
-            Way(by, label, partial(self._synchronize, by), (offset, at) if by == "sound" else (offset,))
-            for by, label in labels.items()
-        )
+        fields = {"sound": (offset, at), "timecode": ()}
+        ways = tuple(Way(by, label, partial(self._synchronize, by), fields.get(by, (offset,))) for by, label in labels.items())
         files = self._there("rig_timed.png")
         if self._is_new(TIMED, RIG):
             return Step("time", title, DONE, f"{TIMED}: how sure each clock is", ways, self._clocks(), files)
-        said = self._older(TIMED, RIG) or "needed where cameras were started one by one"
-        return Step("time", title, OPTIONAL, said, ways, files=files)
+        older = self._older(TIMED, RIG)
+        said = older or "needed where cameras were started one by one"
+        return Step("time", title, TODO if older else OPTIONAL, said, ways, files=files)
 
     def _synchronize(self, by: str, values: Values) -> list[list[str]]:
-        at = _three(values["at"], "at") if values.get("at") else []
+        at = ["--at", *_three(values["at"], "where the clap was")] if values.get("at") else []
         force = self._anew(TIMED, "rig_timed.json", "rig_timed.png")
         chosen = [] if by == "motion" else ["--by", by]
-        offset = [] if float(values["max_offset"]) == 2.0 else ["--max-offset", values["max_offset"]]
-        more = [*chosen, *(["--at", *at] if at else []), *offset]
-        return [["synchronize", "--rig", RIG, *more, "-o", TIMED, *force]]
+        offset = _unless(values, "max_offset", "2") if "max_offset" in values else []
+        return [["synchronize", "--rig", RIG, *chosen, *at, *offset, "-o", TIMED, *force]]
 
     def _clocks(self) -> tuple[str, ...]:
         try:
@@ -266,31 +272,38 @@ class Steps:
             images = Field("images", "images of the board on the floor, in", options=tuple(here.board_images),
                            value=_only(tuple(here.board_images)))  # fmt: skip
             ways.append(Way("board", "a board that lies on the floor", lambda v: self._world_board(before, v),
-                            (images, *_board_fields())))  # fmt: skip
+                            (images, *_board_fields(), _lengths_field("board"))))  # fmt: skip
         if here.control_points:
             points = Field("points", "points of known place", options=here.control_points, value=_only(here.control_points))
-            ways.append(Way("points", "points of known place", lambda v: self._world_points(before, v), (points,)))
+            ways.append(Way("points", "points of known place", lambda v: self._world_points(before, v),
+                            (points, _lengths_field("points"))))  # fmt: skip
+        places = self.known_places()
+        links = {} if places is None else {f"Click on the points of {places} in the images": "/digitizing.html#control"}
         axis = Field("up", "the axis that points up", options=_AXES)
         ways.append(Way("up", "an axis of the rig's world is up", lambda v: self._world_of(before, [f"--up={v['up']}"]), (axis,)))
         try:
             if self._is_new(WORLD, before):
-                return Step("world", title, DONE, f"{WORLD}: origin, axes and scale", tuple(ways), self._centers(WORLD))
+                said = f"{WORLD}: origin, axes and scale"
+                return Step("world", title, DONE, said, tuple(ways), self._centers(WORLD), links=links)
             up = up_of_cameras(load_rig(self.folder / before))
         except TrackerError as error:
             damaged = self._is_new(WORLD, before)  # which can be made again from a rig that is not
             return Step("world", title, TODO if damaged else WAITING, str(error), tuple(ways))
         stands = up is not None and bool(up @ UP > 0.5)
         said = "z is up for the cameras; needed where origin and axes matter" if stands else "z is not up for the cameras"
-        more = "; images of a board in world/CAMERA.png, or points in a CSV file, are found"
-        state = OPTIONAL if stands else TODO
-        return Step("world", title, state, self._older(WORLD, before) or said + more, tuple(ways), self._centers(before))
+        more = "; found are images of a board in world/CAMERA.png, and points in a CSV file: camera,point,x,y,z,u,v, or"
+        older = self._older(WORLD, before)
+        said = older or f"{said}{more} point,x,y,z to be clicked on"
+        state = OPTIONAL if stands and not older else TODO
+        return Step("world", title, state, said, tuple(ways), self._centers(before), links=links)
 
     def _world_board(self, before: str, values: Values) -> list[list[str]]:
         images = self._contents.board_images[values["images"]]
-        return self._world_of(before, ["--board-images", *(f"{c}={path}" for c, path in images.items()), *_board(values)])
+        shown = [f"{camera}={path}" for camera, path in images.items()]
+        return self._world_of(before, ["--board-images", *shown, *_board(values), *_scale(values)])
 
     def _world_points(self, before: str, values: Values) -> list[list[str]]:
-        return self._world_of(before, ["--points", values["points"]])
+        return self._world_of(before, ["--points", values["points"], *_scale(values)])
 
     def _world_of(self, before: str, evidence: list[str]) -> list[list[str]]:
         return [["rig", "world", before, *evidence, "-o", WORLD, *self._anew(WORLD)]]
@@ -431,7 +444,16 @@ def _board_fields() -> tuple[Field, ...]:
 
 
 def _board(values: Values) -> list[str]:
-    return [f"--{values['pattern']}", values["size"], "--square", values["square"]]
+    size = values["size"].replace(" ", "").replace("\N{MULTIPLICATION SIGN}", "x")
+    return [f"--{values['pattern']}", size, "--square", values["square"]]
+
+
+def _lengths_field(evidence: str) -> Field:
+    return Field("lengths", "lengths", options=(_OF_RIG, f"those of the {evidence}"), value=_OF_RIG)
+
+
+def _scale(values: Values) -> list[str]:
+    return [] if values["lengths"] == _OF_RIG else ["--scale"]
 
 
 def _up_field() -> Field:
@@ -454,18 +476,22 @@ def _evaluate(run: str, values: Values) -> list[str]:
     return ["evaluate", run, *([] if values["truth"] == "nothing" else ["--truth", values["truth"]])]
 
 
-def _three(text: str, name: str) -> list[str]:
+def _three(text: str, what: str) -> list[str]:
     numbers = text.replace(",", " ").split()
-    if len(numbers) != 3 or not all(_is_number(number) for number in numbers):
-        raise FileFormatError("request", name, "three numbers, in meters", text)
-    return numbers
+    if len(numbers) != 3:
+        raise TrackerError(f"{what}: expected three numbers, in meters, got {text!r}")
+    return [_number(number, what) for number in numbers]
 
 
-def _is_number(text: str) -> bool:
+def _number(text: str, what: str) -> str:
+    """Digits without an exponent: a command line takes -1e-3 for an option."""
     try:
-        return abs(float(text)) < 1e9
+        value = float(text)
     except ValueError:
-        return False
+        value = np.inf
+    if not abs(value) < 1e9:
+        raise TrackerError(f"{what}: expected a number, got {text[:100]!r}")
+    return np.format_float_positional(value, trim="-")
 
 
 def _checked(asked: Field, value: str) -> str:
@@ -478,8 +504,8 @@ def _checked(asked: Field, value: str) -> str:
         return value
     if asked.kind == CHOICE and value not in asked.options:
         raise UnknownNameError(asked.label, value, asked.options)
-    if asked.kind == NUMBER and not _is_number(value):
-        raise TrackerError(f"{asked.label}: expected a number, got {value[:100]!r}")
+    if asked.kind == NUMBER:
+        return _number(value, asked.label)
     if asked.kind == TEXT and ((value.startswith("-") and asked.name != "at") or len(value) > 500):
         raise FileFormatError("request", asked.name, asked.label, value[:100])
     return value
