@@ -79,6 +79,32 @@ def test_a_body_by_the_points_in_the_videos(shared_data, tmp_path, monkeypatch):
     assert model_stature(load_model(by_page / "person.yaml")) == pytest.approx(STATURE_M, abs=0.05)
 
 
+def test_a_body_and_a_start_by_markers(shared_data, tmp_path, monkeypatch):
+    """The trial of another size, and a row that the file lacks, are refused in words before."""
+    by_page, by_hand = tmp_path / "page/lab", tmp_path / "hand/lab"
+    (by_page / "videos").mkdir(parents=True)
+    clip = shared_data / "clothed_people/jump"
+    for camera in load_rig(clip / "rig.yaml"):
+        write_video(by_page / f"videos/{camera.name}.mp4", sorted((clip / camera.name).glob("*.jpg"))[:2])
+    for name in ("static.trc", "truth.trc"):
+        shutil.copy(clip / name, by_page / name)
+    monkeypatch.chdir(by_page)
+    assert main(["rig", "export", str(clip / "rig.yaml"), "--to", "pose2sim", "-o", "Calib.toml"]) == 0
+    assert main(["rig", "import", "Calib.toml", "--sources", "videos", "-o", "rig.yaml"]) == 0
+    shutil.copytree(by_page, by_hand)
+    with hands_on(by_page) as hands:
+        shown = hands.do("body", way="trc", trc="static.trc")
+        assert "expected" in hands.refused("start", way="trc", trc="truth.trc", row="900") and "900" in hands.said("start")
+        shown += hands.do("start", row="1", compare="contours")
+        hands.page.set_viewport_size({"width": WIDTH, "height": 844})
+        assert hands.page.evaluate(TOO_WIDE) == []
+    same_by_hand(shown, by_page, by_hand, "person.yaml", "start.yaml", "recording.yaml", monkeypatch=monkeypatch)
+    model = load_model(by_page / "person.yaml")
+    assert model_stature(model) == pytest.approx(STATURE_M, abs=0.05)
+    state = load_state(by_page / "start.yaml", model)
+    assert 0.7 < state.T_world_root[2, 3] < 1.2  # z is up
+
+
 def test_a_start_from_a_saved_pose_then_run_and_look(recorded, tmp_path, monkeypatch):
     by_page, by_hand = tmp_path / "page/walk", tmp_path / "hand/walk"
     shutil.copytree(recorded, by_page)
