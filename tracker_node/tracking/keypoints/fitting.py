@@ -42,8 +42,9 @@ class KeypointFitting(Solver):
 
     def fit(self, start: State, first: bool, prior: Prior | None) -> Fit:
         """Blunt points, then sharp ones; then left and right of hips and shoulders as they suit everything else."""
-        fit = self._staged(start, first, prior or staying(start, self._config.motion))
-        return fit if first else self._with_sides(fit, start, prior or staying(start, self._config.motion))
+        prior = prior or staying(start, self._config.motion)
+        fit = self._staged(start, first, prior)
+        return fit if first else self._with_sides(fit, start, prior)
 
     def _with_sides(self, fit: Fit, start: State, prior: Prior) -> Fit:
         """The same with hips or shoulders exchanged in cameras that see one behind the other.
