@@ -34,7 +34,7 @@ def differences(found, true):
     wanted = np.array([true[name].T_world_cam for name in found.names])
     poses = np.array([camera.T_world_cam for camera in found])
     poses = wanted[0] @ se3.inverse(poses[0]) @ poses
-    poses = world_of_most(poses, wanted) @ poses
+    poses = world_of_most(poses, wanted, scaled=False)[0] @ poses
     turns = [np.linalg.norm(so3.log(a[:3, :3].T @ b[:3, :3])) for a, b in zip(poses, wanted, strict=True)]
     return np.linalg.norm(poses[:, :3, 3] - wanted[:, :3, 3], axis=1).max(), max(turns)
 

@@ -29,7 +29,7 @@ PAIR, RIG, ARM = (BEFORE, AFTER), circle_rig(2), two_links()
 PARAMETERS = (FittedParameter("length arm", 0.05, 0.01, 0.1), FittedParameter("girth arm", -0.02, 0.005, 0.0))
 REPORT = BodyFitReport(PARAMETERS, {"cam01": PAIR}, {"hand": PAIR}, PAIR, 7, 12)
 CAMERA = CameraFit(BEFORE, AFTER, 0.012, np.radians(0.5), 0.02, 1.03, 0.001, np.radians(0.05), 0.004, 0.002)
-RIG_FIT = RigFit(RIG, ARM, (), (), {"cam01": CAMERA}, PAIR, 7, 12)
+RIG_FIT = RigFit(RIG, ARM, (), (), {"cam01": CAMERA}, PAIR, 7, 12, 0.97)
 
 
 def longer():

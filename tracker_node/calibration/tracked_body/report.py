@@ -285,6 +285,7 @@ def rig_metrics(fit: RigFit) -> dict[str, float | int]:
     metrics: dict[str, float | int] = {
         "refine.sets": fit.n_sets, "refine.iterations": fit.iterations,
         "refine.rms_before_px": fit.overall[0].rms_px, "refine.rms_after_px": fit.overall[1].rms_px,
+        "refine.scale": fit.scale,
     }  # fmt: skip
     for name, c in fit.cameras.items():
         metrics |= {

@@ -1,8 +1,9 @@
 """A rig from the images of a tracked body: where the cameras stand, how late they are, and, if asked for, their focal lengths.
 
-The body is the calibration object: its size is known, its poses are not. All are sought together (`solver`), so that
+The body is the calibration object: its size is about known, its poses are not. All are sought together (`solver`), so that
 the contours in all cameras agree. Images do not tell where the world is, nor when now is: of all rigs that agree as well the one
-is taken that leaves most cameras where they were, and most clocks as they were.
+is taken that leaves most cameras where they were, and most clocks as they were. A body in clothes that is fitted without them has
+all cameras nearer by some percent; the scale stays that of the calibration, then, unless the body's is asked for.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ class RigFitOptions:
     Parameters
     ----------
     places, times, focal : what of the cameras is sought.
+    scale : the cameras may all be nearer to each other, or farther, by one factor, as the size of the body says.
     center_sigma_m, rotation_sigma_rad, time_sigma_s, focal_sigma : how far it may be from what the rig says.
     sure_sigmas : a delay of fewer standard deviations is taken for none; 0 leaves them all.
     body : how poses are fitted; its ``groups`` say what of the body may change as well (by default nothing).
@@ -56,6 +58,7 @@ class RigFitOptions:
     places: bool = True
     times: bool = True
     focal: bool = False
+    scale: bool = False
     center_sigma_m: float = 0.03
     rotation_sigma_rad: float = 0.03
     time_sigma_s: float = 0.05
@@ -101,7 +104,10 @@ class CameraFit:
 
 @dataclass(frozen=True, eq=False)
 class RigFit:
-    """A fitted rig, the body (as given, unless it was sought too), its states, and what has been found by camera name."""
+    """A fitted rig, the body (as given, unless it was sought too), its states, and what has been found by camera name.
+
+    ``scale``: how far cameras are from each other by the size of the body, as a multiple of what was given.
+    """
 
     rig: CameraRig
     model: ArticulatedModel
@@ -111,6 +117,7 @@ class RigFit:
     overall: tuple[LineMetrics, LineMetrics]
     n_sets: int
     iterations: int
+    scale: float
 
 
 def fit_rig(
@@ -174,10 +181,10 @@ def fit_rig(
             raise CalibrationError(camera.name, f"hardly sees the body: {count} contour lines in {len(states)} image sets")
     sigmas = _sigmas(problem, after, lines[1], body.robust_px[-1])
     sigmas[:, TIME] = time_sigmas_s
-    fitted, moved = settled(rig, problem, after)
+    fitted, moved, scale = settled(rig, problem, after, options.scale)
     cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], residuals) for i, c in enumerate(rig)}
     overall = line_metrics(residuals[0][:, 2]), line_metrics(residuals[1][:, 2])
-    return RigFit(fitted, space.body(after.s), moved, before.states, cameras, overall, len(states), loop.iterations)
+    return RigFit(fitted, space.body(after.s), moved, before.states, cameras, overall, len(states), loop.iterations, scale)
 
 
 def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines], robust_px: float) -> np.ndarray:
@@ -211,32 +218,49 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
     return problem, loop.run("cameras", problem, start, body.robust_px[-1], body.rounds).found, sigmas
 
 
-def settled(rig: CameraRig, problem: Problem, estimate: Estimate) -> tuple[CameraRig, tuple[State, ...]]:
+def settled(
+    rig: CameraRig, problem: Problem, estimate: Estimate, scaled: bool
+) -> tuple[CameraRig, tuple[State, ...], float]:  # fmt: skip
     """Rig and states of an estimate, in the world and the time in which most cameras stay what they were.
 
     Parameters
     ----------
     rig : the cameras as given.
     problem, estimate : what was given, and what has been estimated.
+    scaled : the distances between cameras are those of the estimate; else as they were given but for what single cameras move.
 
     Returns
     -------
     The rig, with time offsets.
     The states, one a set.
+    How far cameras are from each other in the estimate, as a multiple of what was given.
     """
     late_s = estimate.cameras[:, TIME]
     common_s = float(np.median(late_s))
     cameras = [moved_camera(c, d) for c, d in zip(rig, estimate.cameras, strict=True)]
-    T = world_of_most(np.array([c.T_world_cam for c in cameras]), np.array([c.T_world_cam for c in rig]))
+    found, given_poses = (np.array([c.T_world_cam for c in each]) for each in (cameras, rig))
+    T, shrink = world_of_most(found, given_poses)
+    scale = 1.0 / shrink
+    if scaled:
+        shrink = 1.0
+        T, _ = world_of_most(found, given_poses, scaled=False)
     result = []
     for camera, given, seconds in zip(cameras, rig, late_s, strict=True):
         offset_ns = given.time_offset_ns + round(1e9 * (seconds - common_s))
-        result.append(replace(camera, T_world_cam=se3.nearest_rigid(T @ camera.T_world_cam), time_offset_ns=offset_ns))
+        placed = se3.nearest_rigid(T @ _shrunk(camera.T_world_cam, shrink))
+        result.append(replace(camera, T_world_cam=placed, time_offset_ns=offset_ns))
     states = []
     for state, motion in zip(estimate.states, problem.motions, strict=True):
         moved = state.retract(common_s * motion.velocity)
-        states.append(State(se3.nearest_rigid(T @ moved.T_world_root), moved.joint_positions))
-    return CameraRig(tuple(result), rig.world_frame, rig.lights), tuple(states)
+        states.append(State(se3.nearest_rigid(T @ _shrunk(moved.T_world_root, shrink)), moved.joint_positions))
+    return CameraRig(tuple(result), rig.world_frame, rig.lights), tuple(states), scale
+
+
+def _shrunk(Ts: np.ndarray, factor: float) -> np.ndarray:
+    """Poses (..., 4, 4) in a world that is smaller by a factor."""
+    result = Ts.copy()
+    result[..., :3, 3] *= factor
+    return result
 
 
 def _settled_sigmas(rig: CameraRig, covariance: np.ndarray) -> np.ndarray:
@@ -255,38 +279,41 @@ def _settled_sigmas(rig: CameraRig, covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(np.diag(rest @ covariance @ rest.T), 0.0)).reshape(n, N_CAMERA)
 
 
-def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """Transform that brings most cameras back to their given poses.
+def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, scaled: bool = True) -> tuple[np.ndarray, float]:
+    """Transform, and factor of all places, that bring most cameras back to their given poses.
 
     Least sum of distances (not of squares), by reweighting; a meter counts as much as `METER_RAD` radians.
 
     Parameters
     ----------
     Ts_world_cam, given : (n, 4, 4) poses, and those that they are to be near.
+    scaled : the factor is sought; else it is 1.
 
     Returns
     -------
-    T (4, 4) such that ``T @ Ts_world_cam`` are near ``given``.
+    T (4, 4) and a factor such that ``T @ Ts_world_cam``, their places times the factor before, are near ``given``.
     """
-    T, weights = np.eye(4), np.ones(len(given))
+    T, factor, weights = np.eye(4), 1.0, np.ones(len(given))
     middle = given[:, :3, 3].mean(axis=0)
     for _ in range(50):
-        H, g = 1e-9 * np.eye(6), np.zeros(6)
-        now = T @ Ts_world_cam
+        H, g = 1e-9 * np.eye(7), np.zeros(7)
+        now = T @ _shrunk(Ts_world_cam, factor)
         for i, (pose, wanted) in enumerate(zip(now, given, strict=True)):
-            J = np.zeros((6, 6))  # of (v, omega) about the middle of the cameras
-            J[:3, :3], J[:3, 3:], J[3:, 3:] = METER_RAD * np.eye(3), -METER_RAD * so3.hat(pose[:3, 3] - middle), np.eye(3)
+            J = np.zeros((6, 7))  # of (v, omega, logarithm of the factor) about the middle of the cameras
+            J[:3, :3], J[:3, 3:6], J[3:, 3:6] = METER_RAD * np.eye(3), -METER_RAD * so3.hat(pose[:3, 3] - middle), np.eye(3)
+            J[:3, 6] = METER_RAD * (pose[:3, 3] - middle) * scaled
             turn = so3.log(wanted[:3, :3] @ pose[:3, :3].T)
             off = np.concatenate([METER_RAD * (wanted[:3, 3] - pose[:3, 3]), turn])
             weights[i] = 1.0 / max(float(np.linalg.norm(off)), 1e-5)
             H += weights[i] * J.T @ J
             g += weights[i] * J.T @ off
         step = np.linalg.solve(H, g)
-        R = so3.exp(step[3:])
+        R, growth = so3.exp(step[3:6]), float(np.exp(step[6]))
+        T[:3, 3], factor = middle + growth * (T[:3, 3] - middle), growth * factor
         T = se3.from_rotation_translation(R, middle + step[:3] - R @ middle) @ T
         if np.abs(step).max() < 1e-9:
             break
-    return T
+    return T, factor
 
 
 def _camera_fit(index: int, given, fitted, departure: np.ndarray, sigmas: np.ndarray, residuals) -> CameraFit:

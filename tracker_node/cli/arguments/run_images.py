@@ -70,8 +70,17 @@ def refuse_to_overwrite(args: argparse.Namespace, *paths: str | Path) -> None:
             raise TrackerError(f"{path} is there already; give another --output or --report, or --force to overwrite it")
 
 
-def load_run_images(args: argparse.Namespace) -> RunImages:
+def load_run_images(args: argparse.Namespace, dressed: bool = False) -> RunImages:
     """The images and states that the arguments of `add_run_arguments`, ``--rig`` and ``--model`` ask for.
+
+    Parameters
+    ----------
+    args : of the command line.
+    dressed : the body has the clothes that the run has found, unless ``--model`` names another.
+
+    Returns
+    -------
+    Of the run.
 
     Raises
     ------
@@ -81,7 +90,7 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
     from ...loaders.rig.rig_yaml import load_rig
     from ...runs.config_file import load_config
     from ...runs.images import config_of_run, images_of_run, rig_of_run
-    from ...runs.load import load_run
+    from ...runs.load import body_of_run, load_run
 
     if args.sets < 1:
         raise FileFormatError("command line", "--sets", "a number of at least 1", args.sets)
@@ -89,6 +98,8 @@ def load_run_images(args: argparse.Namespace) -> RunImages:
     rig_path, model_path = named_file(args, run.info, "rig"), named_file(args, run.info, "model")
     model = load_model(model_path)
     run.check_model(model, model_path)
+    if dressed and args.model is None:
+        model = body_of_run(Path(args.from_run), model)
     rig = rig_of_run(load_rig(rig_path), run.info, other_file=args.rig is not None)
     config = load_config(args.config) if args.config else config_of_run(run.info)
     return images_of_run(run, rig, model, args.sets, config)

@@ -32,13 +32,16 @@ def _add_refine_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--report", metavar="FILE", help="where to write the metrics as JSON (default: beside the output, .json)")
     add_run_arguments(parser, n_sets=30)
-    parser.add_argument("--model", metavar="FILE", help="with --from-run: body of the run (default: what the run names)")
+    parser.add_argument("--model", metavar="FILE",
+                        help="with --from-run: body of the run (default: body.yaml in it, or what it names)")  # fmt: skip
     parser.add_argument("--keep-places", action="store_true", help="with --from-run: only time offsets (and focal lengths)")
     parser.add_argument("--keep-times", action="store_true", help="with --from-run: only places (and focal lengths)")
     parser.add_argument(
         "--drift", action="store_true", help="with --from-run: clocks may run at different rates, too (long runs)"
     )
     parser.add_argument("--focal", action="store_true", help="with --from-run: focal lengths as well")
+    parser.add_argument("--scale", action="store_true",
+                        help="with --from-run: the scale as well, where the size of the body is known better")  # fmt: skip
     parser.add_argument(
         "--center-sigma-mm", type=float, default=30.0, metavar="MM",
         help="with --from-run: how far a camera may be from where the rig has it, a standard deviation (default: %(default)s)",
@@ -70,13 +73,14 @@ def _from_run(args: argparse.Namespace) -> int:
     report = Path(args.report or Path(args.output).with_suffix(".json"))
     page = report.with_suffix(".html")
     refuse_to_overwrite(args, args.output, report, page)
-    images = load_run_images(args)
+    images = load_run_images(args, dressed=True)
     if args.drift:
         check(not args.keep_times, "--drift", "no --keep-times beside it")
         check(images.first_image == 0, "--drift", "a run from the first images on", f"one from image {images.first_image}")
         stretches([1e-9 * image_set.stamp_ns for image_set in images.sets])  # refuses what is too short before the work begins
     options = RigFitOptions(
-        places=not args.keep_places, times=not args.keep_times, focal=args.focal, center_sigma_m=1e-3 * args.center_sigma_mm,
+        places=not args.keep_places, times=not args.keep_times, focal=args.focal, scale=args.scale,
+        center_sigma_m=1e-3 * args.center_sigma_mm,
         body=BodyFitOptions(groups=(), config=images.config),
     )  # fmt: skip
     progress = None if args.quiet else StageProgress("calibrate refine")
@@ -88,14 +92,14 @@ def _from_run(args: argparse.Namespace) -> int:
     write_rig_file(rig_file, args.output, base_dir=Path(rig_path).parent)
     write_rig_report(page, images.model, images.rig, images.sets, fit)
     write_metrics(report, rig_metrics(fit) | drift_metrics(clocks))
-    _print_cameras(fit)
+    _print_cameras(fit, args.scale)
     for name, clock in clocks.items():
         print(f"{name:12} drift {1e6 * clock.drift:8.1f} +- {1e6 * clock.drift_sigma:6.1f} ppm")
     print(f"wrote {args.output}, {page} and {report}")
     return 0
 
 
-def _print_cameras(fit) -> None:
+def _print_cameras(fit, scaled: bool) -> None:
     """What has been found, as a table."""
     print(f"{'camera':12} {'lines':>7} {'rms px':>16} {'moved mm':>16} {'turned deg':>16} {'later ms':>16}")
     for name, c in fit.cameras.items():
@@ -106,6 +110,7 @@ def _print_cameras(fit) -> None:
         print(f"{name:12} {c.after.count:7d} {rms:>16} {moves:>16} {turns:>16} {late:>16}")
     before, after = fit.overall
     print(f"all cameras: rms {before.rms_px:.2f} -> {after.rms_px:.2f} px in {fit.n_sets} image sets")
+    print(f"scale: by the size of the body {fit.scale:.3f} times the rig's, {'taken' if scaled else 'kept (--scale takes it)'}")
 
 
 def _from_points(args: argparse.Namespace) -> int:
