@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from helpers.cameras.small_clip import make_clip
 from tracker_node.cli.main import main
@@ -31,7 +32,7 @@ def test_a_sound_rig_is_not_blamed(clip, tmp_path):
     assert run(clip, clip.rig_file, tmp_path / "run")["contradicted_cameras"] == []
 
 
-def test_a_turned_camera_is_in_run_json_and_in_the_report(clip, tmp_path):
+def test_a_turned_camera_is_told_by_the_command_in_run_json_and_in_the_report(clip, tmp_path, capsys):
     rig = load_rig(clip.rig_file)
     T = rig["cam02"].T_world_cam.copy()
     T[:3, :3] = T[:3, :3] @ so3.exp(np.radians([1.5, 0.0, 0.0]))
@@ -41,6 +42,11 @@ def test_a_turned_camera_is_in_run_json_and_in_the_report(clip, tmp_path):
     found = run(clip, wrong, tmp_path / "run")["contradicted_cameras"]
     assert found and all("cam02" in entry["said"] for entry in found)
     assert {entry["kind"] for entry in found} == {"turned"}
+    parameters = tmp_path / "tracker.yaml"
+    parameters.write_text(yaml.safe_dump({**load_parameters(clip.config_file), "self_check": {"angle_deg": 0.5}}))
+    start = ["--initial-state", str(clip.state_file), "--config", str(parameters), "--output", str(tmp_path / "by_command")]
+    assert main(["track", "--rig", str(wrong), "--model", str(clip.model_file), *start]) == 0
+    assert f"track: {found[0]['said']}, in {found[0]['sets']} image sets (tracker_node rig check RIG)" in capsys.readouterr().err
     truth = tmp_path / "truth.csv"
     lines = ["stamp_ns,landmark,x,y,z"]
     for i, state in enumerate(clip.states):

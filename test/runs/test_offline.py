@@ -348,3 +348,19 @@ def test_ros_is_not_needed(clip: Clip, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     with BagReader(tmp_path / "run/bag") as reader:
         assert reader.topic("/tracker/state").message_count == 2
+
+
+def test_a_run_that_is_interrupted_says_so_here_and_later(clip, tmp_path, capsys, monkeypatch):
+    def interrupted(self, done, expected, estimate):
+        if done == 5:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("tracker_node.cli.track._Progress.__call__", interrupted)
+    output = tmp_path / "run"
+    files = ["--rig", str(clip.rig_file), "--model", str(clip.model_file), "--initial-state", str(clip.state_file)]
+    assert main(["track", *files, "--config", str(clip.config_file), "--output", str(output)]) == 130
+    assert f"ended by Ctrl-C; what was tracked until then is in {output}" in capsys.readouterr().err
+    info = json.loads((output / "run.json").read_text())
+    assert info["image_sets"] == 5 and info["errors"] == ["ended by Ctrl-C before the last image set"]
+    assert main(["evaluate", str(output), "--pictures", "0"]) == 0
+    assert "ended by Ctrl-C before the last image set" in (output / "report.html").read_text()

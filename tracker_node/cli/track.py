@@ -141,7 +141,11 @@ def run(args: argparse.Namespace) -> int:
     runs = {name: _offline_run(own, rig, tell) for name, (own, _) in bodies.items()}
     outputs = {name: own.output for name, (own, _) in bodies.items()}
     joining = _joining(args, recording, rig, tell)
-    summaries = run_together(runs, outputs, None if args.quiet else _Progress(), tell, joining)
+    try:
+        summaries = run_together(runs, outputs, None if args.quiet else _Progress(), tell, joining)
+    except KeyboardInterrupt:
+        print(f"track: ended by Ctrl-C; what was tracked until then is in {args.output}", file=sys.stderr)
+        raise
     statuses = []
     for name in (name for name in summaries if name not in bodies):
         _report(summaries[name], args.output / name, args.quiet, told, name)
@@ -311,6 +315,9 @@ class _Progress:
 def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str], body: str) -> None:
     for error in (error for error in summary["errors"] if error not in told):
         print(f"track: {error}", file=sys.stderr)
+    for found in (found for found in summary["contradicted_cameras"] if found["said"] not in told):
+        told.append(found["said"])
+        print(f"track: {found['said']}, in {found['sets']} image sets (tracker_node rig check RIG)", file=sys.stderr)
     if quiet:
         return
     counts = ", ".join(f"{n} {name}" for name, n in summary["status_counts"].items() if n)

@@ -95,7 +95,8 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     if rig_path:
         rig = rig_of_run(load_rig(rig_path), tracked.info, other_file=rig_path != file_of(tracked.info, "rig"))
     images = _images(files, tracked, seen, rig, shown, found.period_s * 1e9, tell)
-    problems = [*found.problems, *_contradicted(tracked.info), *unobservable_text(tracked.info), *images.problems]
+    met = [f"The run met an error: {error}." for error in tracked.info.get("errors") or []]
+    problems = [*met, *found.problems, *_contradicted(tracked.info), *unobservable_text(tracked.info), *images.problems]
     joints = None if found.joints is None else replace(found.joints, silhouettes=images.scores)
     solved = _opensim(files.opensim, found, tell) if files.opensim else None
     return replace(

@@ -251,6 +251,9 @@ def run_together(
             _track(run, loop, stream, followers, progress)
         except TrackerError as error:
             stream.errors.append(str(error))
+        except KeyboardInterrupt:
+            stream.errors.append("ended by Ctrl-C before the last image set")
+            raise
         finally:
             names = list(followers.bodies)
             summaries = {name: body.ended(stream, detection, names) for name, body in followers.bodies.items()}
