@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from .arguments.cameras import image_size
 from .arguments.recording import add_recording_argument, by_body, evaluate_recording, fill_in, of_those_who_join
+from .arguments.run_images import check
 from .arguments.runs import add_person_argument, named_options, nothing_tracked, place_of_person
 from .nodes.camera_ingest import named_source
 
@@ -125,6 +126,7 @@ def run(args: argparse.Namespace) -> int:
     recording = fill_in(args, BUILT_IN)
     if args.output is None:
         raise TrackerError("where the results go: give --output FOLDER")
+    check(args.max_sets is None or args.max_sets >= 1, "--max-sets", "a number of at least 1", args.max_sets)
     bodies = by_body(args, recording)
     if args.from_run_bag is not None:
         if "" not in bodies:

@@ -88,6 +88,9 @@ class Recording:
     files: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for name, value, kind in (("rig", self.rig, CameraRig), ("model", self.model, ArticulatedModel)):
+            if not isinstance(value, kind):
+                raise TypeError(f"{name}: expected a {kind.__name__} (load_{name} reads one), got {value!r}")
         if self.config is None:
             object.__setattr__(self, "config", config_for(None, self.model, self.points is not None))
 

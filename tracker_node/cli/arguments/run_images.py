@@ -67,7 +67,8 @@ def refuse_to_overwrite(args: argparse.Namespace, *paths: str | Path) -> None:
             raise TrackerError(f"{seen[place]} and {path} are one file; give different names with --output and --report")
         seen[place] = path
         if Path(path).exists() and not args.force:
-            raise TrackerError(f"{path} is there already; give another --output or --report, or --force to overwrite it")
+            other = "--output or --report" if hasattr(args, "report") else "--output"
+            raise TrackerError(f"{path} is there already; give another {other}, or --force to overwrite it")
 
 
 def load_run_images(args: argparse.Namespace, dressed: bool = False) -> RunImages:

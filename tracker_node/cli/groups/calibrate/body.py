@@ -153,7 +153,8 @@ def _from_points(args: argparse.Namespace) -> int:
     try:
         fit = body_from_points(model, rig, people, table, config, near)
     except TrackerError as error:
-        raise FileFormatError(args.from_points, "(images)", "a person in two cameras at once", str(error)) from error
+        got = f"none in {len(people)} image sets of {len(rig)} camera{'s'[: len(rig) > 1]}; --stature makes a body of a height"
+        raise FileFormatError(args.from_points, "(images)", "a person in two cameras at once", got) from error
     name = Path(args.from_points).name
     body = _completed(fit.model, prostheses)
     dump_model(body, args.output, f"{body.name}, from points of {len(fit.rows)} image sets of {name}. Units: meters.")
