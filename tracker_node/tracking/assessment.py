@@ -29,6 +29,7 @@ class Assessment:
         where the modality has no such measure.
     doubt_rad : how well the turn of a body without limbs is known while it is in doubt, a standard deviation; 0 while it is not.
     support : (n_cameras,) the same of each camera, a sample of the outline; nan where it should not see any; None as above.
+    shown : (n_cameras,) bool of those in which a detector finds the body; None where none has looked.
     """
 
     status: Status
@@ -40,6 +41,7 @@ class Assessment:
     part_weights: np.ndarray | None = None
     log_ratio: float | None = None
     support: np.ndarray | None = None
+    shown: np.ndarray | None = None
     doubt_rad: float = 0.0
 
 

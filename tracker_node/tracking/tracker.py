@@ -567,7 +567,7 @@ class Tracker:
     def _without_blinded(self, stamp_ns: int, images: Images, assessment: Assessment) -> Images:
         """The images that may be learned from: without those of cameras that show the body no longer."""
         if self.config.self_check.enabled and assessment.support is not None and assessment.status is not Status.LOST:
-            self._blinded.look(stamp_ns, images, assessment.support)
+            self._blinded.look(stamp_ns, images, assessment.support, assessment.shown)
         blind = self._blinded.blind
         return [None if i in blind else image for i, image in enumerate(images)] if blind else images
 

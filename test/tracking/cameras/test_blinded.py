@@ -98,6 +98,19 @@ def test_a_camera_that_has_never_shown_the_body_is_named_by_what_the_others_find
     assert [(fault.camera, fault.kind) for fault in cameras.faults] == [("b", BLIND)]
 
 
+def test_a_camera_in_which_a_detector_finds_the_body_is_not_blind():
+    """Clothes of the wall's colors have next to no outline; an image out of focus is named all the same."""
+    for shown in (np.array([True, True, True]), np.array([True, False, True]), None):
+        cameras = followed()
+        for k in range(N_BEFORE, N_BEFORE + 4):
+            cameras.look(k, [striped(seed=k)] * 3, USUAL * (1.0, 0.1, 1.0), shown)
+        assert [fault.kind for fault in cameras.faults] == ([] if shown is not None and shown[1] else [BLIND])
+    cameras = followed()
+    for k in range(N_BEFORE, N_BEFORE + 4):
+        cameras.look(k, [striped(), striped(contrast=8.0), striped()], USUAL * (1.0, 0.2, 1.0), np.ones(3, dtype=bool))
+    assert [fault.kind for fault in cameras.faults] == [DEFOCUSED]
+
+
 def test_of_one_camera_alone_nothing_is_said():
     cameras = BlindedCameras(NAMES)
     for k in range(6):

@@ -8,9 +8,10 @@ import pytest
 from helpers.bodies.detected_people import HUMAN, NAMES, posed, seen_by, without
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.model.humans.keypoints import BLAZEPOSE
+from tracker_node.objective.keypoints.correspondences import KeypointCorrespondences
 from tracker_node.observation.keypoints.people import Person
 from tracker_node.tracking.config import KeypointConfig
-from tracker_node.tracking.keypoints.evidence import lost_odds
+from tracker_node.tracking.keypoints.evidence import lost_odds, showing
 from tracker_node.tracking.keypoints.modality import KeypointModality
 from tracker_node.tracking.limbs.tree import limbs_of
 
@@ -32,10 +33,14 @@ def shifted(person: Person, name: str, by_px: float) -> Person:
     return replace(person, pixels=pixels)
 
 
-def odds(people: list, body_px: float = 200.0) -> np.ndarray:
+def compared(people: list) -> KeypointCorrespondences:
     made = KeypointModality(RIG, HUMAN, CONFIG, BLAZEPOSE)
     made.set_images((), TRUE, None, people)
-    return lost_odds(made.correspond(TRUE, 1.0), TRUE, LIMBS, body_px)
+    return made.correspond(TRUE, 1.0)
+
+
+def odds(people: list, body_px: float = 200.0) -> np.ndarray:
+    return lost_odds(compared(people), TRUE, LIMBS, body_px)
 
 
 def ratio(person: Person, square: float, score: float, body_px: float = 200.0) -> float:
@@ -46,6 +51,15 @@ def ratio(person: Person, square: float, score: float, body_px: float = 200.0) -
     outlier = q / (1.0 - q) * 2.0 * np.pi * variance / size**2
     away = 1.0 / (1.0 + 55.0**2 * (body_px / 200.0) ** 2 / variance)
     return np.log((away + outlier) / (np.exp(-0.5 * square) + outlier))
+
+
+def test_a_camera_shows_the_body_by_sure_points_that_are_where_it_is():
+    people = seen_by(RIG, TRUE)
+    guessed = replace(people[1], scores=np.full(len(NAMES), 0.3))
+    elsewhere = replace(people[2], pixels=people[2].pixels + 60.0)
+    assert showing(compared(people), TRUE).tolist() == [True, True, True]
+    assert showing(compared([people[0], guessed, elsewhere]), TRUE).tolist() == [True, False, False]
+    assert showing(compared([people[0], None, people[2]]), TRUE).tolist() == [True, False, True]
 
 
 def test_limbs_whose_points_are_in_place_are_not_lost():

@@ -130,7 +130,9 @@ class BlindedCameras:
         """Indices of the cameras whose images the next set is to be without."""
         return [i for i, view in enumerate(self._views) if view.is_left_out]
 
-    def look(self, stamp_ns: int, images: Sequence[np.ndarray | None], support: np.ndarray) -> None:
+    def look(
+        self, stamp_ns: int, images: Sequence[np.ndarray | None], support: np.ndarray, shown: np.ndarray | None = None
+    ) -> None:  # fmt: skip
         """Take in one set, in which the body is where the state says; one that is gone through again counts no more.
 
         Parameters
@@ -138,6 +140,8 @@ class BlindedCameras:
         stamp_ns : of the set.
         images : pixels per camera of the rig, None where the set has none.
         support : (n_cameras,) log-likelihood ratio per sample of the outline; nan where a camera should not see any.
+        shown : (n_cameras,) bool of those in which a detector finds the body, which are not blind, however clothes blend with a
+            wall; None: none has looked.
         """
         if stamp_ns <= self._latest_ns:
             return
@@ -149,7 +153,9 @@ class BlindedCameras:
             if view.is_left_out:
                 view.sets += 1
             elif not math.isnan(share):
-                kind = BLIND if _is_by_chance(i, found, usual) else _kind(view.picture, share)
+                is_shown = shown is not None and bool(shown[i])
+                blind = not is_shown and _is_by_chance(i, found, usual)
+                kind = BLIND if blind else _kind(view.picture, max(share, _BLIND) if is_shown else share)
                 view.take(kind, stamp_ns, found[i], share)
         self.faults = tuple(
             CameraFault(name, view.kind, view.share, 0.0, view.since_ns)

@@ -1,4 +1,4 @@
-"""Whether a limb is where a fit has it, by the points that a detector has found on it."""
+"""Whether a limb is where a fit has it, by the points that a detector has found on it; and which cameras show the body."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ _CORRELATION = 1.5  # how many cameras share one error
 _LEAST_SCORE, _LEAST_OF_ONE = 1.0, 0.5  # of a point that says anything: over all cameras, or of a camera alone
 _SURE = 0.6  # score of a point in a camera that sees it, and does not guess where it is behind something
 _LIMIT = 6.0  # log odds of one point
+_MOST = 0.5  # of a body's points, that a camera shows it by: those that are where it is, by their scores
 _OF_ONE_CAMERA = -1.5  # the least that points of one camera say: not lost in its image, but too little to confirm a depth
 
 
@@ -61,3 +62,19 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
             if not (by_two & (at_end if at_end.any() else own)).any():
                 result[i] = max(result[i], _OF_ONE_CAMERA)
     return result
+
+
+def showing(points: KeypointCorrespondences, state: State) -> np.ndarray:
+    """Cameras in which a detector surely finds most of a body where it is.
+
+    Parameters
+    ----------
+    points : of the present set.
+    state : of the body.
+
+    Returns
+    -------
+    (n_cameras,) bool.
+    """
+    agree = np.maximum(points.at(state).weights, 0.0) * points.observed[:, :, SCORE]
+    return agree.sum(axis=0) >= _MOST * len(points.body)

@@ -20,6 +20,7 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
 from ...model.humans.keypoints import is_person
 from ...objective.contour_residual import assemble
+from ...objective.keypoints.correspondences import KeypointCorrespondences
 from ...objective.lines import correspondence as kernel
 from ...objective.lines.camera import add_correlated
 from ...objective.lines.correspondences import LineCorrespondences, PartEvidence
@@ -28,7 +29,7 @@ from ..assessment import Assessment, Report, assess_cameras, camera_reports
 from ..config import RegionConfig, TrackerConfig
 from ..engine import Judge
 from ..estimate import Status
-from ..keypoints.evidence import lost_odds
+from ..keypoints.evidence import lost_odds, showing
 from ..limbs.judge import LimbJudge, body_status, is_noise
 from ..uncertainty.covariance import ImageEvidence, fit_covariance
 from ..uncertainty.modes import turn_sigma
@@ -82,7 +83,8 @@ class RegionJudge(Judge):
         if not evidence.expected.any():
             reason = "no camera sees the body where it is expected"
             return Assessment(Status.LOST, reason, noise=True, limbs=self.limbs.nothing_seen(), log_ratio=_UNSEEN)
-        by_points = self._by_points(fit)
+        points = next(iter(self._fitting.points_at(fit.state)), None)
+        by_points = None if points is None else self._by_points(points, fit.state)
         if self._may_be_clothed:
             by_size = by_points is None and len(fit.correspondences.seeing(fit.state)) == 1
             self._sets_by_size = self._sets_by_size + 1 if by_size else 0
@@ -103,7 +105,8 @@ class RegionJudge(Judge):
         return Assessment(
             status, reason, noise=is_noise(evidence) and by_points is None, jumped=fit.jumped, limbs=reports,
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
-            log_ratio=_log_ratio(evidence), support=_support(evidence), doubt_rad=doubt_rad,
+            log_ratio=_log_ratio(evidence), support=_support(evidence),
+            shown=None if points is None else showing(points, fit.state), doubt_rad=doubt_rad,
         )  # fmt: skip
 
     def _is_common(self, shapes: np.ndarray) -> bool:
@@ -125,12 +128,9 @@ class RegionJudge(Judge):
         tangent[:3, 0] = _CLOTHES_SIZE * (fit.state.T_world_root[:3, 3] - self._rig.cameras[seeing[0]].center)
         return tangent
 
-    def _by_points(self, fit: LineFit) -> np.ndarray | None:
-        """Log odds of each limb being lost, by the points of a detector, where there are any."""
-        points = self._fitting.points_at(fit.state)
-        if not points:
-            return None
-        return lost_odds(points[0], fit.state, self.limbs.limbs, self._fitting.region.size_px(fit.state))
+    def _by_points(self, points: KeypointCorrespondences, state: State) -> np.ndarray:
+        """Log odds of each limb being lost, by the points of a detector."""
+        return lost_odds(points, state, self.limbs.limbs, self._fitting.region.size_px(state))
 
     def _status_of_cameras(self, evidence: PartEvidence, image_set: ImageSet, active: list[int]) -> tuple[Status, str]:
         expected, close = evidence.expected.sum(axis=1), evidence.close.sum(axis=1)
