@@ -235,8 +235,9 @@ def jump_table(review: Review) -> Table | None:
     note = (
         "A jump is where both feet are off the floor and the center of mass (de Leva 1996) falls on a parabola. Rise: its highest"
         " point less its place at take-off; from velocity: v² / 2g; from time: g T² / 8, too high where one lands deeper than one"
-        " took off (Linthorne 2001). ±: one standard deviation, of the instants (an image / √12) and of what the parabola leaves."
-        " Far from 9.81 m/s², the body's size or the rate is wrong."
+        " took off (Linthorne 2001). ±: one standard deviation, of the instants (an image / √12, more where feet do not tell"
+        " them), of what the parabola leaves, and of a fall at another rate. Far from 9.81 m/s²,"
+        " the body's size or the rate is wrong."
     )
     return Table(f"jumps_{review.name}", "Jumps", note, columns, rows)
 
