@@ -69,14 +69,21 @@ def _axis_of(joint: str, name: str) -> str:
     return words.removeprefix(joint).strip() or words
 
 
+def ranges_of(review: Review) -> dict[str, Ranges]:
+    """Of all angles that move, or whose other side does."""
+    found = review.joint_motion
+    if found is None:
+        return {}
+    moving = {name for k, name in enumerate(found.names) if _moves(found.values[:, k])}
+    return {name: one for name, one in review.ranges.items() if moving & {name, _other_side(name)}}
+
+
 def range_tables(review: Review) -> list[Table]:
     """Ranges of motion and largest speeds, of both sides with symmetry, then of the trunk."""
     found = review.joint_motion
     if found is None or not found.names:
         return []
-    moving = {name for k, name in enumerate(found.names) if _moves(found.values[:, k])}
-    walks, of = review.cycles is not None, review.ranges
-    of = {name: one for name, one in of.items() if any(other in moving for other in (name, _other_side(name)))}
+    walks, of = review.cycles is not None, ranges_of(review)
     paired = [name for name in dict.fromkeys(map(without_side, of)) if all(f"{side}_{name}" in of for side in SIDES)]
     single = [name for name in of if without_side(name) not in paired or not side_of(name)]
     over = "Mean and SD over the strides of a side, of the trunk those of the left foot." if walks else "Over the whole run."
