@@ -48,6 +48,7 @@ def test_joint_angles_are_the_states_in_degrees(run):
 
 def test_angles_after_the_isb_are_those_of_the_export_and_gaps_are_nan(person):
     angles, expected = person.joint_angles("isb"), isb_angles(person.motion)
+    assert list(angles.columns) == expected.columns()[0]
     column = [name for triple in expected.names for name in triple].index("left_knee_flexion")
     found = np.degrees(expected.radians.reshape(len(person), -1)[:, column])
     assert np.array_equal(np.delete(angles["left_knee_flexion"].to_numpy(), 4), np.delete(found, 4))

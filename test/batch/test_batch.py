@@ -20,6 +20,8 @@ from tracker_node.batch.executors import Processes, WorkerDied
 from tracker_node.batch.work import FAILED_STATE, TRACKED, Job, read_outcome, run_trial
 from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError, UnknownNameError
+from tracker_node.evaluation.report.kinematics import range_tables
+from tracker_node.evaluation.run_review import RunFiles, review_run
 from tracker_node.loaders.owned_folder import OwnedFolder
 from tracker_node.loaders.trials_yaml import load_trials
 from tracker_node.version import __version__
@@ -47,6 +49,9 @@ def test_trials_have_the_states_that_they_have_one_by_one(trials_file, tmp_path)
     assert first.status_counts["TRACKING"] == 8 and first.metrics["residual_px"] < 2.0
     low, high = first.ranges["elbow_flexion"]
     assert -140.0 < low < high < 6.0
+    tables = range_tables(review_run(RunFiles(str(tmp_path / "out/first"), pictures=0), str))
+    shown = {str(row[0]).replace(" ", "_"): row[1:3] for table in tables if "speeds" not in table.key for row in table.rows}
+    assert {name: list(ends) for name, ends in first.ranges.items()} == shown
     assert not list((tmp_path / "out/.batch").glob("*/*"))
 
 

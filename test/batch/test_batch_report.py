@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -47,6 +48,20 @@ def test_the_report_shows_trials_means_and_failures(tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert "t9 failed: rig.yaml: &lt;no&gt; such file" in page and "knee flexion" in page and "Joint error (MPJPE)" in page
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_means_of_counts_have_a_digit_and_names_lead_to_results(tmp_path):
+    """3 and 6 contacts are 4.5 in the mean; a name leads to the page of its trial, or to its folder."""
+    counts = {"a b": (3, 0), "c": (6, 1)}
+    outcomes = [outcome(name, 1.0, metrics={"contacts_left": n, "lost_sets": lost}) for name, (n, lost) in counts.items()]
+    (tmp_path / "a b").mkdir()
+    (tmp_path / "a b/report.html").touch()
+    metrics = write_batch_report(tmp_path, [*outcomes, Outcome("d", "", FAILED_STATE, "no images")], pdf=False)
+    assert (metrics["batch.contacts_left_mean"], metrics["batch.lost_sets_mean"]) == (4.5, 0.5)
+    page = (tmp_path / "report.html").read_text()
+    row = page[page.index('<td class="">Contacts') :].split("</tr>")[0]
+    assert re.findall(r">([\d.]+)</td>", row) == ["2", "4.5", "2.1", "3", "6"]
+    assert re.findall(r'<a href="([^"]*)">([^<]*)</a></td>', page) == [("a%20b/report.html", "a b"), ("c/", "c")]
 
 
 def test_versions_that_differ_are_said(tmp_path):

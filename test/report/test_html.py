@@ -47,7 +47,7 @@ def test_cells_have_their_text_and_their_mark():
     columns = [Column("a", 2), Column("b", is_text=True), Column("c", 0)]
     table = Table("t", "T", "", columns, [])
     found = page._cells_of(table, [Cell(1.234, "good"), "x", None])
-    assert found == [("1.23", "good", columns[0]), ("x", "", columns[1]), ("–", "", columns[2])]
+    assert found == [("1.23", Cell(1.234, "good"), columns[0]), ("x", Cell("x"), columns[1]), ("–", Cell(None), columns[2])]
     with pytest.raises(ValueError, match="zip"):
         page._cells_of(table, [1.0])
 

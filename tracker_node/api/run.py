@@ -118,12 +118,14 @@ class Run:
         return joints(self.motion)
 
     def joint_angles(self, convention: str = "model", unit: str = "deg") -> pandas.DataFrame:
-        """Joint angles as a table.
+        """Joint angles as a table, by default not those of reports, which give people "isb": other names, turns and signs.
 
         Parameters
         ----------
-        convention : "model": turns about the model's own joint axes, as in `states`; "isb": as the International Society of
-            Biomechanics recommends them, for a model of a person.
+        convention : "model": turns about the model's own joint axes, as in `states`: ``left_hip_abduction`` is positive outward;
+            "isb": from segment to segment, as the International Society of Biomechanics recommends, for a model of a person:
+            ``left_hip_adduction`` is positive inward. Turns that no joint of the model has, such as a hinge's adduction, are left
+            out.
         unit : "deg" or "rad".
 
         Returns
@@ -230,9 +232,8 @@ def joint_angles(motion: RunMotion, convention: str = "model", unit: str = "deg"
             raise ValueError(f"expected one of {known}, got {value!r}")
     pd = extra_module("pandas", "data")
     if convention == "isb":
-        found = isb_angles(motion)
-        names = [name for triple in found.names for name in triple]
-        radians = np.where(found.valid[..., None], found.radians, np.nan).reshape(len(motion), -1)
+        names, values, valid = isb_angles(motion).columns()
+        radians = np.where(valid, values, np.nan)
     else:
         turning = [i for i, name in enumerate(motion.model.chain.dof_units) if name == "rad" and i >= N_ROOT_DOF]
         names = [motion.model.chain.dof_names[i] for i in turning]

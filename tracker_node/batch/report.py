@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
@@ -23,7 +24,8 @@ _MEANINGS = (
     ("SD", "standard deviation over trials, with n - 1."),
     ("Outlier", f"a trial more than {STANDS_OUT} times 1.48 median absolute deviations from the median of all, where there are"
      f" {FEWEST} or more; look at it before the means are used."),
-    ("Range", "highest less lowest value of a joint's angle (or way) in a trial, sets that are lost left out."),
+    ("Range", "highest less lowest value of a joint's angle (or way) in a trial, as in its own report: of somebody who walks the"
+     " mean over strides; sets that are lost left out."),
 )  # fmt: skip
 
 
@@ -85,7 +87,7 @@ def write_batch_report(
     Metrics by key: counts, and mean and SD of each metric over trials.
     """
     metrics = _metrics(outcomes)
-    write_document(output, _document(outcomes), metrics, ReportOptions(pdf=pdf), progress)
+    write_document(output, _document(outcomes, output), metrics, ReportOptions(pdf=pdf), progress)
     return metrics
 
 
@@ -98,7 +100,7 @@ def _metrics(outcomes: Sequence[Outcome]) -> dict[str, float | int]:
     return found
 
 
-def _document(outcomes: Sequence[Outcome]) -> Document:
+def _document(outcomes: Sequence[Outcome], output: Path) -> Document:
     tracked = [outcome for outcome in outcomes if outcome.state != FAILED_STATE]
     subjects = list(dict.fromkeys(outcome.subject for outcome in outcomes if outcome.subject))
     facts = [("trials", str(len(outcomes))), ("tracked", str(len(tracked))), ("failed", str(len(outcomes) - len(tracked)))]
@@ -110,7 +112,7 @@ def _document(outcomes: Sequence[Outcome]) -> Document:
     if len(by) > 1:
         problems.append(f"Trials were tracked by versions {' and '.join(by)}: figures may differ for that alone (--again).")
     sections: list[tuple[str, str, list[Block | None]]] = [
-        ("trials", "Trials", [_trial_table(outcomes), *_bars(tracked)]),
+        ("trials", "Trials", [_trial_table(outcomes, output), *_bars(tracked)]),
         ("over", "Over trials", [over]),
         ("ranges", "Ranges of motion", [_range_table(tracked, subjects)]),
     ]
@@ -123,8 +125,8 @@ def _keys(outcomes: Sequence[Outcome]) -> list[str]:
     return list(dict.fromkeys(key for outcome in outcomes for key in outcome.metrics))
 
 
-def _trial_table(outcomes: Sequence[Outcome]) -> Table:
-    """A row a trial: what became of it."""
+def _trial_table(outcomes: Sequence[Outcome], output: Path) -> Table:
+    """A row a trial: what became of it; its name leads to its report, or to its folder."""
     shown = [
         (metric, key, title)
         for metric, key, title in described(_keys(outcomes))
@@ -132,15 +134,20 @@ def _trial_table(outcomes: Sequence[Outcome]) -> Table:
     ]
     columns = [Column("trial", is_text=True), Column("subject", is_text=True), Column("sets", 0), Column("tracking [%]")]
     columns += [Column(f"{title} [{metric.unit}]" if metric.unit else title, metric.digits) for metric, _, title in shown]
-    columns += [Column("took [s]"), Column("results", is_text=True)]
+    columns += [Column("took [s]")]
     rows: list[list[Value]] = []
     for outcome in outcomes:
         failed = outcome.state == FAILED_STATE
         tracking = 100.0 * outcome.status_counts.get("TRACKING", 0) / n if (n := sum(outcome.status_counts.values())) else None
-        row: list[Value] = [Cell(outcome.name, "bad" if failed else "good"), outcome.subject]
+        page = f"{outcome.name}/report.html"
+        link = "" if failed else quote(page if (output / page).is_file() else f"{outcome.name}/")
+        row: list[Value] = [Cell(outcome.name, "bad" if failed else "good", link=link), outcome.subject]
         row += [outcome.image_sets or None, tracking, *(_number(outcome.metrics.get(key)) for _, key, _ in shown)]
-        rows.append([*row, outcome.wall_s, Cell("failed" if failed else f"{outcome.name}/", "code")])
-    note = "The folder of a trial holds its bag, tables and run.json, and a report where the trial says what it is compared with."
+        rows.append([*row, outcome.wall_s])
+    note = (
+        "The folder of a trial, of its name, holds its bag, tables and run.json, and a report where the trial says what it is"
+        " compared with."
+    )
     return Table("trials", "Trials", note, columns, rows)
 
 
@@ -170,10 +177,11 @@ def _over_trials(tracked: Sequence[Outcome], subjects: Sequence[str]) -> Table |
         spread = spread_over(values)
         if not spread.n:
             continue
-        figures = (spread.mean, spread.sd, spread.lowest, spread.highest)
+        digits = max(metric.digits, 1)  # means of what is counted are no whole numbers
         rows.append([
-            title, spread.n, *(Cell(value, digits=metric.digits) for value in figures),
-            *_by_subject(tracked, subjects, values, metric.digits),
+            title, spread.n, *(Cell(value, digits=digits) for value in (spread.mean, spread.sd)),
+            *(Cell(value, digits=metric.digits) for value in (spread.lowest, spread.highest)),
+            *_by_subject(tracked, subjects, values, digits),
             metric.unit, Cell(", ".join(spread.outliers), "bad" if spread.outliers else ""),
         ])  # fmt: skip
     columns = [Column("metric", is_text=True), Column("n", 0), *(Column(name) for name in ("mean", "SD", "lowest", "highest"))]
@@ -183,7 +191,7 @@ def _over_trials(tracked: Sequence[Outcome], subjects: Sequence[str]) -> Table |
 
 
 def _range_table(tracked: Sequence[Outcome], subjects: Sequence[str]) -> Table | None:
-    """Range of each joint's variable in a trial, over trials."""
+    """Range of each joint's angles in a trial, over trials."""
     names = dict.fromkeys(name for outcome in tracked for name in outcome.ranges)
     if not names:
         return None
@@ -197,7 +205,7 @@ def _range_table(tracked: Sequence[Outcome], subjects: Sequence[str]) -> Table |
             *_by_subject(tracked, subjects, widths, 1),
             Cell(", ".join(spread.outliers), "bad" if spread.outliers else ""),
         ])  # fmt: skip
-    columns = [Column("joint", is_text=True), Column("n", 0), Column("range"), Column("SD"), Column("lowest"), Column("highest")]
+    columns = [Column("angle", is_text=True), Column("n", 0), Column("range"), Column("SD"), Column("lowest"), Column("highest")]
     columns += [Column(title, group=subject) for subject in _of_several(subjects) for title in ("range", "SD")]
     columns += [Column("outliers", is_text=True)]
     note = "Degrees, for sliding joints meters; lowest and highest are means over trials."

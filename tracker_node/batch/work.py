@@ -24,13 +24,13 @@ from ..errors import FileFormatError, TrackerError
 from ..evaluation.evaluate import EvaluationOptions
 from ..evaluation.masks.reference import load_reference_masks
 from ..evaluation.report.builder import ReportOptions, write_report
+from ..evaluation.report.kinematics import ranges_of
 from ..evaluation.report.summary import parse_target
 from ..evaluation.review import Review
 from ..evaluation.run_review import RunFiles, check_evaluation, review_run
 from ..loaders.json_values import finite, read_json
 from ..loaders.recording_yaml import FILES, RecordingFile
 from ..loaders.whole_file import write_whole
-from ..model.configuration import N_ROOT_DOF, variable_names
 from ..runs.offline import OfflineRun, Recording, run_together
 from ..tracking.estimate import TrackEstimate
 from ..version import __version__
@@ -78,7 +78,7 @@ class Outcome:
     reason, details : why it failed, in a sentence, and for whoever looks closer.
     problems : sentences on what was unusual.
     metrics : of `Review.metrics`, without the run's name.
-    ranges : name of a joint's variable -> lowest and highest value in sets with a state, degrees or meters.
+    ranges : name of a joint's angle, as in the trial's own report -> lowest and highest value, degrees or meters.
     """
 
     name: str
@@ -260,13 +260,9 @@ def _nothing(text: str) -> None:
 
 
 def _ranges(found: Review) -> dict[str, tuple[float, float]]:
-    """Of the joints' variables, where the body is not lost."""
-    values = found.variables[found.run.has_state & ~found.said_lost]
-    units, names, ranges = found.model.chain.dof_units, variable_names(found.model), {}
-    for k in range(N_ROOT_DOF, values.shape[1] if len(values) else 0):
-        scale = np.degrees(1.0) if units[k] == "rad" else 1.0
-        ranges[names[k]] = (float(scale * values[:, k].min()), float(scale * values[:, k].max()))
-    return ranges
+    """Of the angles that a trial's own report has: of somebody who walks means over strides."""
+    ends = {name: (one.lowest, one.highest) for name, one in ranges_of(found).items() if np.isfinite(one.widths).any()}
+    return {name: (float(np.nanmean(lowest)), float(np.nanmean(highest))) for name, (lowest, highest) in ends.items()}
 
 
 def _put(draft: Path, place: Path, token: str) -> None:

@@ -33,11 +33,15 @@ class Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """A value with a mark: ``good`` and ``bad`` for targets, ``better`` and ``worse`` for differences, ``code`` for keys."""
+    """A value with a mark: ``good`` and ``bad`` for targets, ``better`` and ``worse`` for differences, ``code`` for keys.
+
+    ``link``: address that a page leads to from there.
+    """
 
     value: str | float | int | None
     mark: str = ""
     digits: int | None = None
+    link: str = ""
 
 
 Value = str | float | int | None | Cell

@@ -100,10 +100,10 @@ def _head_of(table: Table) -> list[tuple[str, int]]:
     return found if any(column.group for column in table.columns) else []
 
 
-def _cells_of(table: Table, row: Sequence[Value]) -> list[tuple[str, str, Column]]:
-    """(text, mark, column)."""
+def _cells_of(table: Table, row: Sequence[Value]) -> list[tuple[str, Cell, Column]]:
+    """(text, cell, column)."""
     return [
-        (cell_text(cell, column), cell.mark if isinstance(cell, Cell) else "", column)
+        (cell_text(cell, column), cell if isinstance(cell, Cell) else Cell(cell), column)
         for cell, column in zip(row, table.columns, strict=True)
     ]
 

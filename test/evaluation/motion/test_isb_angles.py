@@ -153,6 +153,20 @@ def test_joints_that_do_not_move_are_left_out_and_others_are_in():
     assert found["spine_flexion"] == pytest.approx(10)
 
 
+@pytest.mark.parametrize("model", [HUMAN, GAIT, human_model(ankles=True), load_model("ellipsoid_human")])
+def test_columns_are_the_angles_that_the_body_has(model):
+    """All others are the same in any pose; of those, none is."""
+    rng = np.random.default_rng(7)
+    values = np.array([State(np.eye(4), rng.uniform(-0.5, 0.5, model.chain.n_axes)).to_values() for _ in range(6)])
+    found = isb_angles(RunMotion(model, np.arange(6), values, np.array([True] * 5 + [False]), 1.0))
+    names, radians, valid = found.columns()
+    moved = np.ptp(found.radians[:5], axis=0) > 1e-6
+    assert names == [name for triple, turns in zip(found.names, moved, strict=True) for name in np.array(triple)[turns]]
+    assert np.array_equal(radians, found.radians[:, moved]) and valid[:5].all() and not valid[5].any()
+    assert ("neck_turn_left" in names) == ("head_turn_left" in model.chain.dof_names)
+    assert {"left_hip_adduction", "right_knee_flexion"} <= set(names)
+
+
 def test_angles_do_not_jump_by_full_turns():
     spun = np.linspace(0.0, 4.0 * np.pi, 200)
     values = np.zeros((200, HUMAN.chain.n_dof))

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from helpers.bodies.stick_person import Motion
 from helpers.motion import known_motions as known
+from tracker_node.calibration.body import scale_to_trial, targets_of
+from tracker_node.calibration.pose import fit_state_to_landmarks
 from tracker_node.evaluation.motion.jumps import (
     GRAVITY,
     Contact,
@@ -14,6 +17,8 @@ from tracker_node.evaluation.motion.jumps import (
     find_jumps,
     jump_metrics,
 )
+from tracker_node.loaders.motion.trc import load_trc
+from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.masses import mass_center
 from tracker_node.synthesis.motions.deepmimic import load_motion
 from tracker_node.synthesis.subjects.mannequin import LANDMARKS, MannequinSubject
@@ -60,11 +65,64 @@ def captured(clip: str, folder) -> list[Jump]:
     motion = load_motion(clip, 60.0, None, folder)
     points = np.array([body.landmarks for body in MannequinSubject().follow(motion)])
     names = list(LANDMARKS)
-    for side in ("left", "right"):  # the mannequin's landmarks have no feet: its ankles stand in, and rise before it takes off
+    n_own = len(names)
+    for side in ("left", "right"):  # the mannequin has no feet: for its mass, ankles stand in, which rise before it takes off
         ankle = points[:, [names.index(f"{side}_ankle")]]
         points, names = np.concatenate([points, ankle, ankle], axis=1), [*names, f"{side}_heel", f"{side}_big_toe"]
-    named = dict(zip(names, np.swapaxes(points, 0, 1), strict=True))
+    named = dict(zip(names[:n_own], np.swapaxes(points, 0, 1), strict=False))
     return find_jumps(np.arange(len(points)) / 60.0, named, mass_center(names, points))
+
+
+def test_a_jump_of_somebody_in_clothes(shared_data):
+    """From joints that are known, whose center falls at 10.7 m/s²; both feet are off the floor in the 13 images from 61 on."""
+    folder = shared_data / "clothed_people" / "jump"
+    model = scale_to_trial(human_model(ankles=True), load_trc(folder / "static.trc")).model
+    markers = load_trc(folder / "truth.trc")
+    states = [fit_state_to_landmarks(model, targets_of(model, markers, row)).state for row in range(len(markers))]
+    (jump,) = jumps_of(Motion(model, np.arange(len(markers)) * 1_000_000_000 // 30, tuple(states)))
+    assert jump.landing_s - jump.take_off_s == pytest.approx(12.5 / 30.0, abs=1.0 / 30.0)
+    for height, sd in (jump.rise_m, jump.take_off_m, jump.air_m):
+        assert height == pytest.approx(0.21, abs=0.02) and abs(height - 0.21) < 2.0 * sd
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.1, 1.15])
+@pytest.mark.parametrize("parts", ["ankles", "feet"])
+def test_a_body_that_is_taken_too_small_or_too_large_is_as_long_in_the_air(scale, parts):
+    """Its center falls at another rate than g: the parabola ends with the jump all the same."""
+    air = 2.0 * 2.2 / GRAVITY
+    for seed in range(4):
+        motion = known.jump(2.2, 30.0 + seed, noise_m=0.0012, seed=seed)
+        names, points = motion.model.landmark_names, scale * motion.landmarks_m
+        kept = [m for m, name in enumerate(names) if parts == "feet" or not name.endswith(("_heel", "_big_toe"))]
+        named = {names[m]: points[:, m] for m in kept}
+        (jump,) = find_jumps(motion.stamps_ns * 1e-9, named, mass_center(names, points))
+        assert jump.landing_s - jump.take_off_s == pytest.approx(air, abs=0.045)
+        assert abs(jump.air_m[0] - GRAVITY * air**2 / 8.0) < 2.5 * jump.air_m[1]
+        assert abs(jump.velocity_m_s[0] - 2.2) < 2.5 * jump.velocity_m_s[1]
+        assert jump.fall_m_s2[0] == pytest.approx(scale * GRAVITY, rel=0.05)
+
+
+def test_where_the_parabola_alone_tells_the_take_off_it_is_less_sure(shared_data):
+    """Ankles rise long before the captured jump."""
+    (jump,) = captured("jump", shared_data / "bullet_motions")
+    (own,) = jumps_of(known.jump(2.2, 60.0))
+    assert jump.air_m[1] > 1.5 * own.air_m[1] and jump.velocity_m_s[1] > 1.5 * own.velocity_m_s[1]
+
+
+@pytest.mark.parametrize("velocity", [0.6, 0.8])
+def test_a_small_hop_is_no_jump(velocity):
+    assert jumps_of(known.jump(velocity, 60.0)) == []
+
+
+@pytest.mark.parametrize("seconds", [0.3, 0.6, 1.2])
+def test_who_rises_on_tiptoe_does_not_jump(seconds):
+    """All of him rises, the toes least, as those of feet without a joint there do."""
+    jump = known.jump(2.4, 60.0)
+    t, names = jump.stamps_ns * 1e-9, jump.model.landmark_names
+    points = np.tile(jump.landmarks_m[:1], (len(t), 1, 1))
+    rises = np.where([name.endswith("_big_toe") for name in names], 0.04, 0.08)
+    points[..., 2] += rises * (np.sin(np.pi * np.clip((t - 0.4) / seconds, 0.0, 1.0)) ** 2)[:, None]
+    assert find_jumps(t, dict(zip(names, np.swapaxes(points, 0, 1), strict=True)), mass_center(names, points)) == []
 
 
 def test_a_captured_jump(shared_data):

@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from ...errors import ModelError
 from ...model.articulated import ArticulatedModel
+from ...model.configuration import Configuration, State
 from ...runs.motion import RunMotion
 
 # link axes (x forward, y left, z up) of the ISB's X, Y, Z, as columns
@@ -30,6 +31,7 @@ _MIRROR = np.diag([1.0, 1.0, -1.0])
 _PALM = ("forearm", "hand")  # their X points out of the palm, which faces inward in the model's neutral pose
 _PALM_FROM_LINK = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # 90 degrees about Y
 _NO_PLANE = 1e-6  # rad of elevation: below, the plane of elevation is put to 0
+_NO_TURN = 1e-9  # rad: what rounding makes of an angle that a body does not have
 _TRUNK = ("abdomen", "torso", "chest")  # the last one that the body has is its thorax, the one before its lumbar spine
 
 
@@ -78,13 +80,20 @@ class JointAngles:
     """Angles of j joints over time.
 
     ``joints`` like ``LeftKnee``; ``names`` (j) of three angles each, ``left_knee_flexion``; ``radians`` (n, j, 3); ``valid``
-    (n, j), where both segments are known.
+    (n, j), where both segments are known. ``turns`` (j, 3): whether the body's joints can change the angle at all.
     """
 
     joints: tuple[str, ...]
     names: tuple[tuple[str, str, str], ...]
     radians: np.ndarray
     valid: np.ndarray
+    turns: np.ndarray
+
+    def columns(self) -> tuple[list[str], np.ndarray, np.ndarray]:
+        """Names (k), radians and validity (n, k) of the angles that turn: a knee that is a hinge has no adduction."""
+        names = [name for triple, turns in zip(self.names, self.turns, strict=True) for name in np.array(triple)[turns].tolist()]
+        valid = np.repeat(self.valid[..., None], 3, axis=2)
+        return names, self.radians[:, self.turns], valid[:, self.turns]
 
 
 def isb_angles(motion: RunMotion) -> JointAngles:
@@ -126,7 +135,8 @@ def angles_of_segments(rotations: Mapping[str, np.ndarray]) -> dict[str, np.ndar
 
 def _angles(motion: RunMotion, trunk: tuple[_JointAngles, ...], limbs: tuple[_JointAngles, ...]) -> JointAngles:
     rotations, links_valid = motion.Ts_world_link()[..., :3, :3], motion.links_valid()
-    joints, names, angles, valid = [], [], [], []
+    joints, names, angles, valid, turns = [], [], [], [], []
+    poses = _poses(motion.model)
     for side, row, proximal, distal in _pairs(motion.model.chain.links, trunk, limbs):
         if not _moves(motion.model, proximal, distal):
             continue
@@ -136,9 +146,23 @@ def _angles(motion: RunMotion, trunk: tuple[_JointAngles, ...], limbs: tuple[_Jo
         names.append(_named(row, side))
         angles.append(_decomposed(turned[:, 0], turned[:, 1], row, side == "left", motion.valid))
         valid.append(links_valid[:, pair].all(axis=1))
+        turns.append(_turning(poses[:, pair], row, side == "left"))
     if not joints:
         raise ModelError(f"joint angles: '{motion.model.name}' has no two segments of a person that meet (pelvis, left_thigh...)")
-    return JointAngles(tuple(joints), tuple(names), np.stack(angles, axis=1), np.stack(valid, axis=1))
+    return JointAngles(tuple(joints), tuple(names), np.stack(angles, axis=1), np.stack(valid, axis=1), np.array(turns))
+
+
+def _turning(posed: np.ndarray, row: _JointAngles, left: bool) -> np.ndarray:
+    """(3,) whether an angle differs between any two poses (n, 2, 3, 3) of the joint's segments."""
+    angles = _decomposed(posed[:, 0], posed[:, 1], row, left, np.ones(len(posed), dtype=np.bool_))
+    return np.ptp(angles, axis=0) > _NO_TURN
+
+
+def _poses(model: ArticulatedModel) -> np.ndarray:
+    """(n, links, 3, 3) rotations of all links in a few poses that have no joint's angle in common."""
+    rng = np.random.default_rng(1)
+    poses = [State(np.eye(4), rng.uniform(-0.4, 0.4, model.chain.n_axes)) for _ in range(4)]
+    return np.array([Configuration(model, pose).Ts_world_link[:, :3, :3] for pose in poses])
 
 
 def _named(row: _JointAngles, side: str) -> tuple[str, str, str]:

@@ -9,7 +9,8 @@ three ways, which agree where the body's size, its masses and the instants are r
 
 Source: N. P. Linthorne, "Analysis of standing vertical jumps using a force platform", Am. J. Phys. 69 (2001) 1198-1204.
 Standard deviations come from what the parabola leaves of the center's path, and from the instants, which are known to an image
-divided by the root of 12.
+divided by the root of 12, and where the parabola alone tells them, to the time in which one leaves it unseen. That of the
+velocity grows where the center falls at another rate than g.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ _BRIEF_S = 0.08  # shorter times on the floor, or off it, are noise
 _SHORTEST_S = 0.2
 _LINE_S = 0.03  # a foot's way next to the floor that is taken for a straight line
 _OFF_M = 0.006  # a center of mass so far off its parabola does not fall any more
+_TIPTOE_M = 0.05  # feet of which every point is so far above where it stands, toes too, are in the air, whatever heels do
 _MEDIAN = 0.6745  # median of what is normal without its sign, in standard deviations
 _FEWEST = 6  # image sets in the air, of which a parabola says something
 _FALL = (0.75, 1.25)  # of gravity: what is found of a body that is free
@@ -196,19 +198,27 @@ def find_jumps(times_s: np.ndarray, points: Mapping[str, np.ndarray], center: np
     if known.sum() < _FEWEST:
         return []
     clear = (heights - _floors(heights[known])).min(axis=1)
-    found = []
+    toes = all(f"{side}_big_toe" in points for side in SIDES)
+    found, period_s = [], float(np.median(np.diff(times_s)))
     for first, last in _series(known & (clear > _CLEAR_M)):
+        if last - first + 1 < _FEWEST:
+            continue
         if first == 0 or last == len(times_s) - 1 or not (known[first - 1] and known[last + 1]):
             continue  # it does not begin or end here
-        start, end = _on_floor(times_s, clear, first, 1), _on_floor(times_s, clear, last, -1)
-        falls_from, falls_to = _falling(times_s, center[:, 2], first, last)
-        if falls_from > first:
-            start = float(times_s[falls_from])
+        high = np.flatnonzero(clear[first : last + 1] > _TIPTOE_M) + first if toes else np.array([], dtype=int)
+        falls_from, falls_to, late_s = _falling(times_s, center[:, 2], first, last, high)
+        start, before_s = _on_floor(times_s, clear, first, 1), 0.0
+        if falls_from > first:  # it leaves the floor somewhat after the first set in which it seems to fall
+            before_s = min(late_s, times_s[falls_from] - start)
+            start = float(times_s[falls_from] + 0.5 * before_s)
+        end, after_s = _on_floor(times_s, clear, last, -1), 0.0
         if falls_to < last:
-            end = float(times_s[falls_to])
-        air = slice(falls_from, falls_to + 1)
+            after_s = min(late_s, end - times_s[falls_to])
+            end = float(times_s[falls_to] - 0.5 * after_s)
+        sds_s = np.hypot(period_s, [before_s, after_s]) / np.sqrt(12.0)
+        air = np.arange(falls_from + (times_s[falls_from] < start), falls_to + 1 - (times_s[falls_to] > end))
         at_take_off = float(np.interp(start, times_s[known], center[known, 2]))
-        jump = _jump(times_s[air], center[air, 2], (start, end), at_take_off, float(np.median(np.diff(times_s))))
+        jump = _jump(times_s[air], center[air, 2], (start, end), at_take_off, sds_s)
         if jump is not None:
             found.append(jump)
     return found
@@ -226,10 +236,16 @@ def _series(there: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _falling(times_s: np.ndarray, height: np.ndarray, first: int, last: int) -> tuple[int, int]:
-    """Of the sets from ``first`` to ``last`` those around the highest that lie on one parabola that falls at g.
+def _falling(times_s: np.ndarray, height: np.ndarray, first: int, last: int, high: np.ndarray) -> tuple[int, int, float]:
+    """Of the sets from ``first`` to ``last`` those around the highest, and the ``high`` ones, that lie on one parabola.
 
-    Heels rise long before somebody takes off, and where toes do not bend of their own, the feet's other points say too much.
+    Heels rise long before somebody takes off, and where toes do not bend of their own, the feet's other points say too much. The
+    parabola falls about as things do, not just so: of a body whose size or masses are somewhat off, as of all, the center falls
+    faster or slower.
+
+    Returns
+    -------
+    First, last, and how long one who only stands is taken to fall.
     """
     top = first + int(np.argmax(height[first : last + 1]))
     half = max(min(top - first, last - top) // 2, 3)
@@ -237,17 +253,18 @@ def _falling(times_s: np.ndarray, height: np.ndarray, first: int, last: int) -> 
     noise = float(np.median(np.abs(np.diff(known, 3)))) / (
         _MEDIAN * np.sqrt(20.0)
     )  # of third differences, which leave little else
-    a, b = max(top - half, first), min(top + half, last)
-    path = height + 0.5 * GRAVITY * (times_s - times_s[top]) ** 2  # a straight line where it falls
-    while a > first or b < last:
-        line = np.polyfit(times_s[a : b + 1], path[a : b + 1], 1)
-        off = np.abs(path - np.polyval(line, times_s))
+    a, b = max(min([top - half, *high[:1]]), first), min(max([top + half, *high[-1:]]), last)
+    t = times_s - times_s[top]
+    while True:
+        fall = np.clip(-2.0 * np.polyfit(t[a : b + 1], height[a : b + 1], 2)[0], *np.multiply(_FALL, GRAVITY))
+        path = height + 0.5 * fall * t**2  # a straight line where it falls
+        line = np.polyfit(t[a : b + 1], path[a : b + 1], 1)
+        off = np.abs(path - np.polyval(line, t))
         bound = max(_OFF_M, 4.0 * noise, 3.0 * float(np.sqrt(np.mean(off[a : b + 1] ** 2))))
         wider = (a - (a > first and off[a - 1] < bound), b + (b < last and off[b + 1] < bound))
         if wider == (a, b):
-            break
+            return int(a), int(b), float(np.sqrt(2.0 * bound / GRAVITY))
         a, b = wider
-    return int(a), int(b)
 
 
 def _on_floor(times_s: np.ndarray, clear: np.ndarray, first: int, step: int) -> float:
@@ -260,8 +277,10 @@ def _on_floor(times_s: np.ndarray, clear: np.ndarray, first: int, step: int) -> 
     return float(times_s[first] - step * min(max(reach, 0.0), _LINE_S))
 
 
-def _jump(times_s: np.ndarray, height: np.ndarray, instants: Sequence[float], at_take_off: float, period_s: float) -> Jump | None:
-    """None where the center of mass does not fall as a free body, or for too short a time."""
+def _jump(
+    times_s: np.ndarray, height: np.ndarray, instants: Sequence[float], at_take_off: float, sds_s: Sequence[float]
+) -> Jump | None:
+    """None where the center of mass does not fall as a free body, or for too short a time; ``sds_s`` of both instants."""
     start, end = instants
     air = end - start
     if air < _SHORTEST_S or len(times_s) < _FEWEST:
@@ -274,18 +293,20 @@ def _jump(times_s: np.ndarray, height: np.ndarray, instants: Sequence[float], at
     by_velocity, by_time = v**2 / (2.0 * GRAVITY), GRAVITY * air**2 / 8.0
     if v <= 0.0 or by_velocity < _LEAST_M or not _ALIKE[0] <= by_velocity / by_time <= _ALIKE[1]:
         return None
-    instant = period_s / np.sqrt(12.0)
     noise = float(np.sqrt(np.mean((height - (foot + v * t - 0.5 * GRAVITY * t**2)) ** 2)))
-    by_instants = v * instant  # the path's slope there, and what a velocity is worth in height
-    slope = v / GRAVITY * np.sqrt(covariance[1, 1])
+    by_instants = v * sds_s[0]  # the path's slope there, and what a velocity is worth in height
+    fall_sd = float(np.sqrt(free_covariance[2, 2]))
+    # a parabola of the rate that is found begins root of 3 times this faster or slower: v is anywhere up to there
+    by_fall = max(abs(float(free[2]) - GRAVITY) - 2.0 * fall_sd, 0.0) * air / np.sqrt(12.0)
+    slope = float(np.hypot(np.sqrt(covariance[1, 1]), by_fall))
     return Jump(
         start,
         end,
         (float(foot + by_velocity - at_take_off), float(np.hypot(by_instants, noise))),
-        (float(by_velocity), float(np.hypot(by_instants, slope))),
-        (by_time, float(GRAVITY * air / 4.0 * np.sqrt(2.0) * instant)),
-        (float(v), float(np.hypot(GRAVITY * instant, np.sqrt(covariance[1, 1])))),
-        (float(free[2]), float(np.sqrt(free_covariance[2, 2]))),
+        (float(by_velocity), float(np.hypot(by_instants, v / GRAVITY * slope))),
+        (by_time, float(GRAVITY * air / 4.0 * np.hypot(sds_s[0], sds_s[1]))),
+        (float(v), float(np.hypot(GRAVITY * sds_s[0], slope))),
+        (float(free[2]), fall_sd),
     )
 
 

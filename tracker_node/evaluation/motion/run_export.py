@@ -294,11 +294,9 @@ def _tables(motion: RunMotion, options: ExportOptions, kinematics: StateKinemati
     if kinematics is not None:
         yield from _state_derivatives(motion, options, kinematics, scale)
     if options.isb_angles:
-        angles = isb_angles(motion)
-        names, values = [name for triple in angles.names for name in triple], angle * angles.radians.reshape(len(motion), -1)
+        names, radians, valid = isb_angles(motion).columns()
         units = [options.angle_unit] * len(names)
-        valid = np.repeat(angles.valid, 3, axis=1)
-        yield from _with_derivatives(motion, "isb_angle", "isb_angles", names, units, values, valid, kinematics)
+        yield from _with_derivatives(motion, "isb_angle", "isb_angles", names, units, angle * radians, valid, kinematics)
 
 
 def _state_derivatives(

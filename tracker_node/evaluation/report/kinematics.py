@@ -69,14 +69,21 @@ def _axis_of(joint: str, name: str) -> str:
     return words.removeprefix(joint).strip() or words
 
 
+def ranges_of(review: Review) -> dict[str, Ranges]:
+    """Of all angles that move, or whose other side does."""
+    found = review.joint_motion
+    if found is None:
+        return {}
+    moving = {name for k, name in enumerate(found.names) if _moves(found.values[:, k])}
+    return {name: one for name, one in review.ranges.items() if moving & {name, _other_side(name)}}
+
+
 def range_tables(review: Review) -> list[Table]:
     """Ranges of motion and largest speeds, of both sides with symmetry, then of the trunk."""
     found = review.joint_motion
     if found is None or not found.names:
         return []
-    moving = {name for k, name in enumerate(found.names) if _moves(found.values[:, k])}
-    walks, of = review.cycles is not None, review.ranges
-    of = {name: one for name, one in of.items() if any(other in moving for other in (name, _other_side(name)))}
+    walks, of = review.cycles is not None, ranges_of(review)
     paired = [name for name in dict.fromkeys(map(without_side, of)) if all(f"{side}_{name}" in of for side in SIDES)]
     single = [name for name in of if without_side(name) not in paired or not side_of(name)]
     over = "Mean and SD over the strides of a side, of the trunk those of the left foot." if walks else "Over the whole run."
@@ -235,8 +242,9 @@ def jump_table(review: Review) -> Table | None:
     note = (
         "A jump is where both feet are off the floor and the center of mass (de Leva 1996) falls on a parabola. Rise: its highest"
         " point less its place at take-off; from velocity: v² / 2g; from time: g T² / 8, too high where one lands deeper than one"
-        " took off (Linthorne 2001). ±: one standard deviation, of the instants (an image / √12) and of what the parabola leaves."
-        " Far from 9.81 m/s², the body's size or the rate is wrong."
+        " took off (Linthorne 2001). ±: one standard deviation, of the instants (an image / √12, more where feet do not tell"
+        " them), of what the parabola leaves, and of a fall at another rate. Far from 9.81 m/s²,"
+        " the body's size or the rate is wrong."
     )
     return Table(f"jumps_{review.name}", "Jumps", note, columns, rows)
 
