@@ -7,7 +7,7 @@ the others still make sets; one that merely ends earlier is matched as the confi
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,6 +120,7 @@ class SourceStream(_MatchedStream):
         super().__init__(resampled_rig(rig, options), tuple(self._sources), config)
         self.errors += errors
         self.notes += [f"camera '{name}': {source.note}" for name, source in self._sources.items() if source.note]
+        self.notes += unequal_numbers(self._sources, [camera.name for camera in rig if camera.time_offset_ns])
         self.n_expected = min(source.n_images for source in self._sources.values())
 
     def image_numbers(self) -> dict[str, dict[int, int]]:
@@ -217,6 +218,25 @@ def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) ->
     if not sources:
         raise SourceError("rig", f"no camera has a source that can be used: {'; '.join(errors) or 'the rig is empty'}")
     return sources
+
+
+def unequal_numbers(sources: Mapping[str, ImageSource], with_offset: Collection[str]) -> list[str]:
+    """A sentence where folders begin at different numbers, and nothing says whether their first images belong together.
+
+    Parameters
+    ----------
+    sources, with_offset : camera -> source; cameras whose time offset is known.
+
+    Returns
+    -------
+    At most one.
+    """
+    firsts = {name: source.first_number for name, source in sources.items() if source.first_number is not None}
+    if len(set(firsts.values())) < 2 or with_offset:
+        return []
+    begin = ", ".join(f"'{name}' at {number}" for name, number in firsts.items())
+    same = "their first images are taken to be of the same time; time_offset_s in the rig says otherwise"
+    return [f"image folders begin at different numbers: {begin}; {same}"]
 
 
 def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[CameraImage | BrokenOff]:

@@ -97,7 +97,8 @@ class InterlacedSource(ImageSource):
     def __init__(self, path: str | Path, options: SourceOptions, order: str):
         check_fields(options.capture, str(path))
         self._order = order
-        self._woven = open_source(path, SourceOptions(threads=options.threads, own_times=options.own_times))
+        times = None if options.times_ns is None else options.times_ns[::2]
+        self._woven = open_source(path, SourceOptions(threads=options.threads, own_times=options.own_times, times_ns=times))
         super().__init__(str(path), options)
         first = [image for _, image in itertools.islice(self._woven, min(_CHECKED, self._woven.n_images))]
         check_interlaced(first, str(path))
@@ -105,6 +106,7 @@ class InterlacedSource(ImageSource):
 
     def _open(self) -> tuple[int, int, float, int]:
         source = self._woven
+        self.first_number = source.first_number
         if source.native_height % 2:
             raise SourceError(source.path, f"marked as interlaced, but its {source.native_height} lines are not an even number")
         return source.native_width, source.native_height, 2.0 * source.rate_hz, 2 * source.n_images
@@ -242,7 +244,7 @@ def open_camera_source_of_any_size(camera: Camera, options: SourceOptions | None
     if address.kind == BAG:
         address = topic_of_camera(address, camera.name)
     if camera.stamp_file is not None or camera.stamps is not None:
-        times = file_times(camera, open_source(str(address))._n_in_file)
+        times = file_times(camera, open_source(str(address)).n_stored)
         shifted = replace(shifted, times_ns=field_times(times) if camera.interlaced and times else times)
     if camera.interlaced:
         return InterlacedSource(str(address), shifted, camera.interlaced)
