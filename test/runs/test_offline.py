@@ -332,6 +332,7 @@ def test_command(clip: Clip, finished: tuple[Path, dict], tmp_path: Path, capsys
     printed = capsys.readouterr()
     assert "3 image sets: 3 TRACKING" in printed.out
     assert "image sets" in printed.err
+    assert printed.err.count("no rate in image folders: 30 Hz assumed; --rate,") == 1
     assert (tmp_path / "run/states.csv").read_text().splitlines()[:4] == (
         (finished[0] / "states.csv").read_text().splitlines()[:4]
     )
@@ -339,6 +340,11 @@ def test_command(clip: Clip, finished: tuple[Path, dict], tmp_path: Path, capsys
     assert "exists already" in capsys.readouterr().err
     options = json.loads((tmp_path / "run/run.json").read_text())["options"]
     assert (options["max_sets"], options["model"]) == (3, str(clip.model_file))
+    assert main([*arguments[:-1], str(tmp_path / "at_30_hz"), "--max-sets", "1", "--rate", "30"]) == 0
+    assert "assumed" not in capsys.readouterr().err
+    written = ["-o", str(tmp_path / "recording.yaml")]
+    assert main(["new", "recording", "--rig", str(clip.rig_file), "--model", str(clip.model_file), *written]) == 0
+    assert f"30 Hz assumed; rate_hz below images in {written[1]} says another" in capsys.readouterr().err
 
 
 def test_command_reports_partial_success(own_clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

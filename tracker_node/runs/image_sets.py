@@ -123,6 +123,11 @@ class SourceStream(_MatchedStream):
         self.notes += unequal_numbers(self._sources, [camera.name for camera in rig if camera.time_offset_ns])
         self.n_expected = min(source.n_images for source in self._sources.values())
 
+    @property
+    def sources(self) -> Mapping[str, ImageSource]:
+        """Camera -> source, of those that can be used."""
+        return self._sources
+
     def image_numbers(self) -> dict[str, dict[int, int]]:
         """Camera -> stamp, ns -> number of the image in its source, from 0."""
         return {name: {source.stamp_ns(i): i for i in source.numbers} for name, source in self._sources.items()}

@@ -16,6 +16,7 @@ from tracker_node.errors import CalibrationError, SourceError
 from tracker_node.loaders.images.source import (
     PreloadedSource,
     SourceOptions,
+    assumed_rate,
     list_images,
     load_backgrounds,
     open_camera_source,
@@ -222,6 +223,15 @@ def test_a_missing_number_of_a_folder_is_a_missing_image(folder: Path, name: str
     if gaps:
         missing = other / name.format(numbers[0] + gaps[0] * (numbers[1] - numbers[0]))
         assert source.counts.problems[0] == f"{missing} is missing"
+
+
+def test_a_rate_is_assumed_where_nothing_says_it(folder: Path, video: Path):
+    assert assumed_rate([open_source(video), open_source(folder)], "--rate") == [
+        "no rate in image folders: 30 Hz assumed; --rate says another"
+    ]
+    times = tuple(range(N))
+    said = [open_source(video), open_source(folder, rate_hz=30.0), open_source(folder, times_ns=times)]
+    assert assumed_rate([*said, open_source(folder / "image1.png")], "--rate") == []
 
 
 def test_parts_and_loops_of_a_folder_with_a_gap_go_by_the_numbers(folder: Path):

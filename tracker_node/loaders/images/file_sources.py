@@ -123,6 +123,7 @@ class FolderSource(ImageSource):
         found = list_images(self.path)
         self._files, self._n_stored = found, len(found)
         if self.options.times_ns is None:
+            self.rate_is_assumed = self.options.rate_hz is None and len(found) > 1
             self._files, self.first_number = _with_missing(found)
         for file in found:
             image = None if _damage(file) else cv2.imread(file, cv2.IMREAD_COLOR)

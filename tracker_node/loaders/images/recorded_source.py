@@ -121,9 +121,11 @@ class ImageSource(ABC):
     ``width`` and ``height`` are those of the delivered images, ``n_images`` the number in one pass as far as the file says
     (a truncated video delivers fewer, see ``counts``). ``note``: what is unusual about it and good to know, a sentence.
     ``first_number``: in the name of the first file of a folder; None where files are not numbered.
+    ``rate_is_assumed``: nothing says the rate.
     """
 
     first_number: int | None = None
+    rate_is_assumed = False
 
     def __init__(self, path: str, options: SourceOptions):
         self.path, self.options, self.note = path, options, ""

@@ -9,7 +9,7 @@ import glob
 import itertools
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,7 @@ __all__ = [
     "ReadCounts",
     "SourceOptions",
     "VideoSource",
+    "assumed_rate",
     "list_images",
     "open_camera_source",
     "open_recordings",
@@ -107,6 +108,7 @@ class InterlacedSource(ImageSource):
     def _open(self) -> tuple[int, int, float, int]:
         source = self._woven
         self.first_number = source.first_number
+        self.rate_is_assumed = source.rate_is_assumed and self.options.rate_hz is None
         if source.native_height % 2:
             raise SourceError(source.path, f"marked as interlaced, but its {source.native_height} lines are not an even number")
         return source.native_width, source.native_height, 2.0 * source.rate_hz, 2 * source.n_images
@@ -190,6 +192,22 @@ def open_recordings(
             problem = f"has {len(times)} times for camera '{name}', but {path} has {source.n_images} images"
             raise SourceError(str(stamp_file), problem)
     return sources
+
+
+def assumed_rate(sources: Iterable[ImageSource], where: str) -> list[str]:
+    """A sentence where nothing says the rate of some of these sources.
+
+    Parameters
+    ----------
+    sources, where : opened; what the user gives a rate by.
+
+    Returns
+    -------
+    At most one.
+    """
+    if not any(source.rate_is_assumed for source in sources):
+        return []
+    return [f"no rate in image folders: {DEFAULT_FOLDER_RATE_HZ:g} Hz assumed; {where} says another"]
 
 
 def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> ImageSource:
