@@ -202,9 +202,22 @@ def _problems_of(error: Any, values: Any) -> list[_Problem]:
 
 
 def _unknown_key(field: str, key: str, valid: list[str], free: list[str]) -> _Problem:
+    return _Problem(".".join(part for part in (field, key) if part), known_keys(key, valid, free), key, unknown=True)
+
+
+def known_keys(key: str, valid: list[str], free: list[str]) -> str:
+    """What was expected in place of an unknown key: first the one that may have been meant.
+
+    Parameters
+    ----------
+    key, valid, free : unknown one; known ones; those of them that are not there yet.
+
+    Returns
+    -------
+    Text for a message.
+    """
     near = get_close_matches(key, free, n=1, cutoff=0.6) or get_close_matches(key, valid, n=1, cutoff=0.8)
-    expected = f"'{near[0]}', or another of {valid}" if near else f"one of {valid}"
-    return _Problem(".".join(part for part in (field, key) if part), expected, key, unknown=True)
+    return f"'{near[0]}', or another of {valid}" if near else f"one of {valid}"
 
 
 def _expected_and_got(error: Any) -> tuple[str, object]:
