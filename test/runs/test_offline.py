@@ -267,8 +267,11 @@ def test_a_camera_without_a_file_is_named_and_left_out(own_clip: Clip, tmp_path:
     assert ["cam03" in error and "left out" in error for error in summary["errors"]] == [True]
     for camera in ("cam01", "cam02"):
         shutil.rmtree(own_clip.folder / camera)
-    with pytest.raises(SourceError, match=r"no camera has a source.*cam01.*cam02"):
-        run_offline(offline_run(own_clip), tmp_path / "none")
+    with pytest.raises(SourceError, match=r"no camera has a source.*cam01.*cam02") as told:
+        run_offline(offline_run(own_clip, asked={"rig": "my/rig.yaml"}), tmp_path / "none")
+    text = str(told.value)
+    assert text.startswith("image source 'my/rig.yaml': ") and text.count("no such file or folder") == 1
+    assert "left out" not in text and f"cam01 ({own_clip.folder / 'cam01'})" in text
     assert not (tmp_path / "none").exists()
 
 

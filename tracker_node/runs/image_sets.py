@@ -113,10 +113,12 @@ class SourceStream(_MatchedStream):
     SourceError : not a single source can be opened.
     """
 
-    def __init__(self, rig: CameraRig, config: SynchronizerConfig, options: SourceOptions | None = None):
+    def __init__(
+        self, rig: CameraRig, config: SynchronizerConfig, options: SourceOptions | None = None, rig_file: str = "rig"
+    ):  # fmt: skip
         options = options or SourceOptions()
         errors: list[str] = []
-        self._sources = opened_sources(rig, options, errors)
+        self._sources = opened_sources(rig, options, errors, rig_file)
         super().__init__(resampled_rig(rig, options), tuple(self._sources), config)
         self.errors += errors
         self.notes += [f"camera '{name}': {source.note}" for name, source in self._sources.items() if source.note]
@@ -200,7 +202,9 @@ class BrokenOff:
     last_stamp_ns: int
 
 
-def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) -> dict[str, ImageSource]:
+def opened_sources(
+    rig: CameraRig, options: SourceOptions, errors: list[str], rig_file: str = "rig"
+) -> dict[str, ImageSource]:  # fmt: skip
     """Sources by camera; those that cannot be opened are noted.
 
     Parameters
@@ -208,20 +212,29 @@ def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) ->
     rig : cameras with sources.
     options : which images, at what rate, stamps and size.
     errors : gets a sentence for each source that cannot be opened.
+    rig_file : path of the rig, for the message where none can be opened.
 
     Returns
     -------
     sources : camera -> source, in the order of the rig.
+
+    Raises
+    ------
+    SourceError : none can be opened; each cause is named once.
     """
-    sources = {}
+    sources: dict[str, ImageSource] = {}
+    causes: dict[str, list[str]] = {}
     for camera in rig:
         try:
             sources[camera.name] = open_camera_source(camera, options)
         except (SourceError, CalibrationError) as error:
             text = str(error) if camera.name in str(error) else f"camera '{camera.name}': {error}"
             errors.append(f"{text}; this camera is left out")
+            source = error.source if isinstance(error, SourceError) and error.source != camera.name else ""
+            causes.setdefault(error.problem, []).append(f"{camera.name} ({source})" if source else camera.name)
     if not sources:
-        raise SourceError("rig", f"no camera has a source that can be used: {'; '.join(errors) or 'the rig is empty'}")
+        why = "; ".join(f"{problem}: {', '.join(cameras)}" for problem, cameras in causes.items())
+        raise SourceError(rig_file, f"no camera has a source that can be used: {why or 'the rig is empty'}")
     return sources
 
 

@@ -368,7 +368,7 @@ class _Followers:
 def _stream_of(run: OfflineRun, reader: BagReader | None, with_points: bool) -> tuple[CameraRig, ImageSetStream]:
     """The rig for the images, and the image sets, of a bag with the points that it holds."""
     if reader is None:
-        stream = SourceStream(run.rig, run.config.synchronizer, run.images)
+        stream = SourceStream(run.rig, run.config.synchronizer, run.images, str(run.asked.get("rig") or "rig"))
         stream.notes += assumed_rate(stream.sources.values(), "--rate, or rate_hz below images in recording.yaml,")
         return resampled_rig(run.rig, run.images), stream
     if run.from_run:
