@@ -43,7 +43,7 @@ class FileFormatError(TrackerError):
     def __init__(self, file: str | Path, field: str, expected: str, got: object, also: Iterable[str] = ()):
         self.file, self.field, self.expected, self.got = str(file), field, expected, got
         first = f"field '{_cut(_in_one_line(field), 300)}': expected {_cut(expected, 2000)}, got {shown(got)}"
-        super().__init__(f"{file}: {'; '.join([first, *also])}")
+        super().__init__(f"{file}: {'; '.join([first, *map(_in_one_line, also)])}")
 
 
 class WrongKindOfFileError(FileFormatError):

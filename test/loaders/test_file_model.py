@@ -104,6 +104,17 @@ def test_all_problems_are_told_up_to_a_handful(tmp_path):
     assert str(told.value).endswith("; and 4 more problems in this file")
 
 
+def test_a_key_that_is_unknown_in_each_camera_is_told_once(tmp_path):
+    path = tmp_path / "rig.yaml"
+    lens = "image_size: [64, 48], K: [[50, 0, 32], [0, 50, 24], [0, 0, 1]]"
+    path.write_text("cameras:\n" + "".join(f"  cam{i}: {{{lens}, T_wrold_cam: 1}}\n" for i in range(8)))
+    with pytest.raises(FileFormatError) as told:
+        load_rig(path)
+    text = str(told.value)
+    assert told.value.field == "cameras.cam0.T_wrold_cam" and text.count("'T_world_cam', or another of") == 1
+    assert "; the same in 'cameras.cam1.T_wrold_cam', " in text and text.endswith("'cameras.cam5.T_wrold_cam', 2 more")
+
+
 def test_the_end_of_a_long_reason_is_kept():
     reason = "while reading " + "x" * 2000 + ": no space left"
     assert str(FileFormatError("f", "x", "a file", reason)).endswith(": no space left'")
@@ -152,3 +163,11 @@ def test_what_is_not_known_is_not_refused():
     check_kind({"links": []}, "a body", "x.yaml")
     with pytest.raises(WrongKindOfFileError, match="this is a body, not a rig"):
         check_kind({"links": []}, "a rig", "x.yaml")
+
+
+def test_a_line_break_in_a_name_stays_out_of_the_message(tmp_path):
+    path = tmp_path / "rig.yaml"
+    path.write_text('cameras: {"": 1, "a\\nb": 2}\n')
+    with pytest.raises(FileFormatError) as told:
+        load_rig(path)
+    assert "\n" not in str(told.value) and "a\\nb" in str(told.value)

@@ -92,6 +92,24 @@ def test_a_mistake_is_named_where_it_stands(write, before, after, field, expecte
     assert "trials.yaml" in str(caught.value) and f"field '{field}'" in str(caught.value) and expected in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "field", "meant", "of_a_trial"),
+    [
+        ("{subject: anna}", "{sbject: anna}", "trials.walk1.sbject", "'subject', or another of", True),
+        ("{subject: anna}", "{recordin: own.yaml}", "trials.walk1.recordin", "'recording', or another of", True),
+        ("{model: anna.yaml}", "{modell: anna.yaml}", "subjects.anna.modell", "'model', or another of", False),
+        ("  rig: rig.yaml", "  xyz: rig.yaml", "common.xyz", "one of", False),
+    ],
+)
+def test_a_typo_is_answered_with_what_may_stand_there(write, before, after, field, meant, of_a_trial):
+    with pytest.raises(FileFormatError) as caught:
+        load_trials(write(TRIALS.replace(before, after, 1)))
+    assert (caught.value.field, caught.value.expected.partition(" [")[0]) == (field, meant)
+    assert ("'recording'" in caught.value.expected, "'subject'" in caught.value.expected) == (of_a_trial, of_a_trial)
+    assert not any(f"'{name}'" in caught.value.expected for name in ("output", "real_time", "loop", "joining"))
+    assert "'rig'" in caught.value.expected
+
+
 def test_a_missing_file_is_the_trials_own_problem(write):
     text = TRIALS.replace("{model: anna.yaml}", "{model: nobody.yaml}") + "  own: {recording: none.yaml}\n"
     walk1, walk2, jump, own = load_trials(write(text)).trials

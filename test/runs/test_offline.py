@@ -227,6 +227,26 @@ def test_a_video_that_breaks_off_leaves_the_other_cameras(own_clip: Clip, tmp_pa
     assert summary["images"]["cam01"]["used"] == N_IMAGES
 
 
+def test_an_image_that_is_missing_in_a_folder_shifts_nothing(own_clip: Clip, finished: tuple[Path, dict], tmp_path: Path) -> None:
+    (own_clip.folder / "cam02/0005.png").unlink()
+    summary = run_offline(offline_run(own_clip), tmp_path / "run")
+    assert summary["image_sets"] == N_IMAGES and summary["images"]["cam02"]["used"] == N_IMAGES - 1
+    assert "cam02/0005.png is missing" in summary["errors"][0]
+    whole, got = read_states(finished[0] / "states.csv"), read_states(tmp_path / "run/states.csv")
+    assert np.abs(got.rows[-1].values - whole.rows[-1].values).max() < 0.01
+
+
+def test_folders_that_begin_at_different_numbers_are_told(own_clip: Clip) -> None:
+    for i in range(3):
+        (own_clip.folder / f"cam02/{i:04d}.png").unlink()
+    (note,) = offline_run(own_clip).image_sets().notes
+    assert "'cam01' at 0, 'cam02' at 3, 'cam03' at 0; their first images are taken to be of the same time" in note
+    rig = read_rig_file(own_clip.rig_file)
+    late = rig.cameras["cam02"].model_copy(update={"time_offset_s": 0.1})
+    write_rig_file(rig.model_copy(update={"cameras": {**rig.cameras, "cam02": late}}), own_clip.rig_file)
+    assert offline_run(own_clip).image_sets().notes == []
+
+
 def test_a_camera_that_stops_is_named_and_the_others_go_on_if_they_may(own_clip: Clip, tmp_path: Path) -> None:
     for path in sorted((own_clip.folder / "cam02").iterdir())[5:]:
         path.unlink()
@@ -247,8 +267,11 @@ def test_a_camera_without_a_file_is_named_and_left_out(own_clip: Clip, tmp_path:
     assert ["cam03" in error and "left out" in error for error in summary["errors"]] == [True]
     for camera in ("cam01", "cam02"):
         shutil.rmtree(own_clip.folder / camera)
-    with pytest.raises(SourceError, match=r"no camera has a source.*cam01.*cam02"):
-        run_offline(offline_run(own_clip), tmp_path / "none")
+    with pytest.raises(SourceError, match=r"no camera has a source.*cam01.*cam02") as told:
+        run_offline(offline_run(own_clip, asked={"rig": "my/rig.yaml"}), tmp_path / "none")
+    text = str(told.value)
+    assert text.startswith("image source 'my/rig.yaml': ") and text.count("no such file or folder") == 1
+    assert "left out" not in text and f"cam01 ({own_clip.folder / 'cam01'})" in text
     assert not (tmp_path / "none").exists()
 
 
@@ -312,6 +335,7 @@ def test_command(clip: Clip, finished: tuple[Path, dict], tmp_path: Path, capsys
     printed = capsys.readouterr()
     assert "3 image sets: 3 TRACKING" in printed.out
     assert "image sets" in printed.err
+    assert printed.err.count("no rate in image folders: 30 Hz assumed; --rate,") == 1
     assert (tmp_path / "run/states.csv").read_text().splitlines()[:4] == (
         (finished[0] / "states.csv").read_text().splitlines()[:4]
     )
@@ -319,6 +343,11 @@ def test_command(clip: Clip, finished: tuple[Path, dict], tmp_path: Path, capsys
     assert "exists already" in capsys.readouterr().err
     options = json.loads((tmp_path / "run/run.json").read_text())["options"]
     assert (options["max_sets"], options["model"]) == (3, str(clip.model_file))
+    assert main([*arguments[:-1], str(tmp_path / "at_30_hz"), "--max-sets", "1", "--rate", "30"]) == 0
+    assert "assumed" not in capsys.readouterr().err
+    written = ["-o", str(tmp_path / "recording.yaml")]
+    assert main(["new", "recording", "--rig", str(clip.rig_file), "--model", str(clip.model_file), *written]) == 0
+    assert f"30 Hz assumed; rate_hz below images in {written[1]} says another" in capsys.readouterr().err
 
 
 def test_command_reports_partial_success(own_clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

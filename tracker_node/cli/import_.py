@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.yaml_file import write_mapping
 
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
-    trials = _chosen(find_trials(args.folder), args.trial)
+    trials = _chosen(find_trials(args.folder, args.calibration is not None), args.trial)
     output = Path(args.output)
     folders = {name: output / name if len(trials) > 1 else output for name in trials}
     together = output / (TRIALS if len(trials) > 1 else RECORDING)

@@ -215,6 +215,16 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
     raise SourceError("JPEG image", "has no frame header")
 
 
+def is_whole(data: bytes) -> bool:
+    """Whether a JPEG or a PNG has an end, perhaps with something behind it; a thumbnail's end within it is none."""
+    if data[:2] != b"\xff\xd8":
+        return b"IEND" in data
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != 0xDA:  # up to the first scan
+        at += 1 if data[at + 1] == 0xFF else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    return data.find(b"\xff\xd9", at) >= 0
+
+
 def content_size(content: np.ndarray | bytes) -> tuple[int, int]:
     """(width, height) of pixels or of a JPEG; raises SourceError for bytes that are none."""
     return jpeg_size(content) if isinstance(content, bytes) else (content.shape[1], content.shape[0])

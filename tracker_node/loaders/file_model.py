@@ -172,9 +172,9 @@ def validate(format_class: type[T], values: dict[str, Any], path: str | Path) ->
             check_kind(values, format_class.KIND, path)
         problems = [found for one in error.errors(include_url=False) for found in _problems_of(one, values)]
         problems.sort(key=lambda found: not found.unknown)  # stable
-        first, others = problems[0], problems[1:]
-        some = others[: _MOST_REPORTED - 1]
-        also = [f"field '{found.field}': expected {found.expected[:400]}, got {shown(found.got)}" for found in some]
+        first, *others = _together(problems)
+        also = [f"the same in {first.elsewhere}"] if first.elsewhere else []
+        also += [found.sentence() for found in others[: _MOST_REPORTED - 1]]
         if len(others) >= _MOST_REPORTED:
             also.append(f"and {len(others) - _MOST_REPORTED + 1} more problems in this file")
         raise FileFormatError(path, first.field, first.expected, first.got, also) from None
@@ -187,6 +187,24 @@ class _Problem(NamedTuple):
     expected: str
     got: object
     unknown: bool = False
+    elsewhere: str = ""  # fields with the same
+
+    def sentence(self) -> str:
+        same = f"; the same in {self.elsewhere}" if self.elsewhere else ""
+        return f"field '{self.field}': expected {self.expected[:400]}, got {shown(self.got)}{same}"
+
+
+def _together(problems: Iterable[_Problem]) -> list[_Problem]:
+    """The problems, with one for a key that is unknown in several places: of each camera, say."""
+    groups: dict[tuple[str, str], list[_Problem]] = {}
+    for found in problems:
+        groups.setdefault((found.expected, shown(found.got)) if found.unknown else (found.field, ""), []).append(found)
+    merged = []
+    for first, *others in groups.values():
+        fields = [f"'{found.field}'" for found in others[:_MOST_REPORTED]]
+        more = [f"{len(others) - _MOST_REPORTED} more"] if len(others) > _MOST_REPORTED else []
+        merged.append(first._replace(elsewhere=", ".join(fields + more)))
+    return merged
 
 
 def _problems_of(error: Any, values: Any) -> list[_Problem]:
@@ -202,9 +220,22 @@ def _problems_of(error: Any, values: Any) -> list[_Problem]:
 
 
 def _unknown_key(field: str, key: str, valid: list[str], free: list[str]) -> _Problem:
+    return _Problem(".".join(part for part in (field, key) if part), known_keys(key, valid, free), key, unknown=True)
+
+
+def known_keys(key: str, valid: list[str], free: list[str]) -> str:
+    """What was expected in place of an unknown key: first the one that may have been meant.
+
+    Parameters
+    ----------
+    key, valid, free : unknown one; known ones; those of them that are not there yet.
+
+    Returns
+    -------
+    Text for a message.
+    """
     near = get_close_matches(key, free, n=1, cutoff=0.6) or get_close_matches(key, valid, n=1, cutoff=0.8)
-    expected = f"'{near[0]}', or another of {valid}" if near else f"one of {valid}"
-    return _Problem(".".join(part for part in (field, key) if part), expected, key, unknown=True)
+    return f"'{near[0]}', or another of {valid}" if near else f"one of {valid}"
 
 
 def _expected_and_got(error: Any) -> tuple[str, object]:

@@ -23,6 +23,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -156,18 +157,26 @@ def _number(name: str) -> int | None:
     return int(found[-1]) if found else None
 
 
-PROGRAMS = ("OpenCap", "Caliscope", "FreeMoCap", "Anipose", "Pose2Sim")
+_FOLDERS = {  # what a project is known by
+    "OpenCap": f"Videos/Cam*/InputMedia and Videos/Cam*/{FILE_NAME}",
+    "Caliscope": "recordings/ and calibration/",
+    "FreeMoCap": "synchronized_videos/",
+    "Anipose": "videos-raw/ and config.toml",
+    "Pose2Sim": "videos/ and calibration/, or videos/ and Config.toml",
+}
+PROGRAMS = tuple(_FOLDERS)
 _STAMPS = ("timestamps.csv", "frame_time_history.csv")  # of Caliscope
 _LEVELS = 3  # a session, a participant, a trial
 _STATURE_M = (0.4, 3.0)
 
 
-def find_trials(folder: str | Path) -> list[ProjectTrial]:
+def find_trials(folder: str | Path, calibrated: bool = False) -> list[ProjectTrial]:
     """The trials of a project.
 
     Parameters
     ----------
     folder : of a project of one of `PROGRAMS`, or a part of it.
+    calibrated : a calibration is given beside it, so that folders of videos are enough.
 
     Returns
     -------
@@ -180,14 +189,13 @@ def find_trials(folder: str | Path) -> list[ProjectTrial]:
     folder = Path(folder)
     if not folder.is_dir():
         raise FileFormatError(folder, "(folder)", "the folder of a project", "a file" if folder.exists() else "no such folder")
-    finders: tuple[Callable[[Path], list[ProjectTrial]], ...] = (_opencap, _caliscope, _freemocap, _anipose, _pose2sim)
+    pose2sim = partial(_pose2sim, calibrated=calibrated)
+    finders: tuple[Callable[[Path], list[ProjectTrial]], ...] = (_opencap, _caliscope, _freemocap, _anipose, pose2sim)
     for find in finders:
         if trials := find(folder):
             return trials
-    expected = (
-        f"a project of {', '.join(PROGRAMS)} with videos: in Videos/Cam*/InputMedia with {FILE_NAME}, in recordings,"
-        " synchronized_videos, videos-raw with a config.toml, or videos with a Config.toml or calibration/"
-    )
+    alone = "or videos/" if calibrated else "or videos/ with --calibration"
+    expected = f"a project with videos ({'; '.join(f'{program}: {folders}' for program, folders in _FOLDERS.items())}; {alone})"
     raise FileFormatError(folder, "(folder)", expected, ", ".join(path.name for path in subfolders(folder)) or "no folders")
 
 
@@ -287,17 +295,18 @@ def _by_name(config: Path, pattern: str, videos: Iterable[Path]) -> dict[str, di
     return found
 
 
-def _pose2sim(folder: Path) -> list[ProjectTrial]:
+def _pose2sim(folder: Path, calibrated: bool) -> list[ProjectTrial]:
     trials = []
     for name in ("videos", "raw-2d"):
         for place in _below(folder, name):
             calibration = _first(_pose2sim_calibration(above) for above in _upward(place.parent))
             configs = [file for above in _upward(place.parent) if (file := above / "Config.toml").is_file()]
-            if videos := videos_in(place) if calibration or configs else []:
+            if videos := videos_in(place) if calibration or configs or calibrated else []:
                 label = "_".join(place.parent.relative_to(folder).parts)
                 stature = _first(_participant_height(_toml(file)) for file in configs)
                 files = {video.stem: video for video in videos}
-                trials.append(ProjectTrial("Pose2Sim", label, place, tuple(calibration or ()), files, stature_m=stature))
+                program = "Pose2Sim" if calibration or configs else "videos"
+                trials.append(ProjectTrial(program, label, place, tuple(calibration or ()), files, stature_m=stature))
     return sorted(trials, key=lambda trial: natural(trial.name)) if len(trials) != 1 else [_alone(trials[0])]
 
 

@@ -15,13 +15,15 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from ..errors import FileFormatError, TrackerError
-from .file_model import TRIALS, FileModel, checked, validate
+from .file_model import TRIALS, FileModel, checked, known_keys, validate
 from .recording_yaml import RecordingFile, load_recording, located
 from .yaml_file import read_mapping
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,99}")
 _RESERVED = ("failed",)  # folder of the batch itself
 _ELSEWHERE = ("output", "real_time", "loop")  # of a recording, what a trial does not say
+_NEVER = ("joining",)
+_OF_A_TRIAL = ("recording", "subject")
 
 
 def _are_named(value: Any) -> bool:
@@ -117,6 +119,7 @@ def _trial(file: TrialsFile, name: str, output: Path, path: Path) -> Trial:
             if key in values:
                 expected = "none: results go below the output at the top, as fast as they come"
                 raise FileFormatError(path, f"{layer}.{key}", expected, values[key])
+        _check_keys(path, layer, values, _OF_A_TRIAL if values is entry else ())
     merged: dict[str, Any] = {}
     for values in layers.values():
         merged = _merged(merged, values)
@@ -137,6 +140,15 @@ def _trial(file: TrialsFile, name: str, output: Path, path: Path) -> Trial:
         return Trial(name, subject, located(recording, path))
     except FileFormatError as error:
         return Trial(name, subject, None, str(of_layer(error)))
+
+
+def _check_keys(path: Path, layer: str, values: Mapping[str, Any], more: tuple[str, ...]) -> None:
+    """Refuse what neither a recording nor the trial knows, by what may stand there."""
+    for key in values:
+        if key not in RecordingFile.model_fields:
+            valid = sorted({*RecordingFile.model_fields, *more} - {*_ELSEWHERE, *_NEVER})
+            free = [name for name in valid if name not in values]
+            raise FileFormatError(path, f"{layer}.{key}", known_keys(key, valid, free), key)
 
 
 def _from_recording(name: str, subject: str, entry: dict[str, Any], output: Path, path: Path) -> Trial:

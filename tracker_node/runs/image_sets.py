@@ -7,7 +7,7 @@ the others still make sets; one that merely ends earlier is matched as the confi
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,14 +113,22 @@ class SourceStream(_MatchedStream):
     SourceError : not a single source can be opened.
     """
 
-    def __init__(self, rig: CameraRig, config: SynchronizerConfig, options: SourceOptions | None = None):
+    def __init__(
+        self, rig: CameraRig, config: SynchronizerConfig, options: SourceOptions | None = None, rig_file: str = "rig"
+    ):  # fmt: skip
         options = options or SourceOptions()
         errors: list[str] = []
-        self._sources = opened_sources(rig, options, errors)
+        self._sources = opened_sources(rig, options, errors, rig_file)
         super().__init__(resampled_rig(rig, options), tuple(self._sources), config)
         self.errors += errors
         self.notes += [f"camera '{name}': {source.note}" for name, source in self._sources.items() if source.note]
+        self.notes += unequal_numbers(self._sources, [camera.name for camera in rig if camera.time_offset_ns])
         self.n_expected = min(source.n_images for source in self._sources.values())
+
+    @property
+    def sources(self) -> Mapping[str, ImageSource]:
+        """Camera -> source, of those that can be used."""
+        return self._sources
 
     def image_numbers(self) -> dict[str, dict[int, int]]:
         """Camera -> stamp, ns -> number of the image in its source, from 0."""
@@ -194,7 +202,9 @@ class BrokenOff:
     last_stamp_ns: int
 
 
-def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) -> dict[str, ImageSource]:
+def opened_sources(
+    rig: CameraRig, options: SourceOptions, errors: list[str], rig_file: str = "rig"
+) -> dict[str, ImageSource]:  # fmt: skip
     """Sources by camera; those that cannot be opened are noted.
 
     Parameters
@@ -202,21 +212,49 @@ def opened_sources(rig: CameraRig, options: SourceOptions, errors: list[str]) ->
     rig : cameras with sources.
     options : which images, at what rate, stamps and size.
     errors : gets a sentence for each source that cannot be opened.
+    rig_file : path of the rig, for the message where none can be opened.
 
     Returns
     -------
     sources : camera -> source, in the order of the rig.
+
+    Raises
+    ------
+    SourceError : none can be opened; each cause is named once.
     """
-    sources = {}
+    sources: dict[str, ImageSource] = {}
+    causes: dict[str, list[str]] = {}
     for camera in rig:
         try:
             sources[camera.name] = open_camera_source(camera, options)
         except (SourceError, CalibrationError) as error:
             text = str(error) if camera.name in str(error) else f"camera '{camera.name}': {error}"
             errors.append(f"{text}; this camera is left out")
+            source = error.source if isinstance(error, SourceError) and error.source != camera.name else ""
+            causes.setdefault(error.problem, []).append(f"{camera.name} ({source})" if source else camera.name)
     if not sources:
-        raise SourceError("rig", f"no camera has a source that can be used: {'; '.join(errors) or 'the rig is empty'}")
+        why = "; ".join(f"{problem}: {', '.join(cameras)}" for problem, cameras in causes.items())
+        raise SourceError(rig_file, f"no camera has a source that can be used: {why or 'the rig is empty'}")
     return sources
+
+
+def unequal_numbers(sources: Mapping[str, ImageSource], with_offset: Collection[str]) -> list[str]:
+    """A sentence where folders begin at different numbers, and nothing says whether their first images belong together.
+
+    Parameters
+    ----------
+    sources, with_offset : camera -> source; cameras whose time offset is known.
+
+    Returns
+    -------
+    At most one.
+    """
+    firsts = {name: source.first_number for name, source in sources.items() if source.first_number is not None}
+    if len(set(firsts.values())) < 2 or with_offset:
+        return []
+    begin = ", ".join(f"'{name}' at {number}" for name, number in firsts.items())
+    same = "their first images are taken to be of the same time; time_offset_s in the rig says otherwise"
+    return [f"image folders begin at different numbers: {begin}; {same}"]
 
 
 def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterator[CameraImage | BrokenOff]:

@@ -17,7 +17,7 @@ from ..compiled.ahead import compile_ahead, show_progress
 from ..errors import TrackerError, without_password
 from ..loaders.bag.message_types import KEYPOINTS as KEYPOINTS_MESSAGE
 from ..loaders.bag.reader import BagReader
-from ..loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
+from ..loaders.images.source import SourceOptions, assumed_rate, load_backgrounds, resized_backgrounds
 from ..loaders.source_address import relocated
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
@@ -374,7 +374,8 @@ class _Followers:
 def _stream_of(run: OfflineRun, reader: BagReader | None, with_points: bool) -> tuple[CameraRig, ImageSetStream]:
     """The rig for the images, and the image sets, of a bag with the points that it holds."""
     if reader is None:
-        stream = SourceStream(run.rig, run.config.synchronizer, run.images)
+        stream = SourceStream(run.rig, run.config.synchronizer, run.images, str(run.asked.get("rig") or "rig"))
+        stream.notes += assumed_rate(stream.sources.values(), "--rate, or rate_hz below images in recording.yaml,")
         return resampled_rig(run.rig, run.images), stream
     if run.from_run:
         return run_stream(run.rig, reader, run_info(reader.path), run.images)

@@ -155,7 +155,8 @@ def test_nobody_in_two_cameras(clip: Clip, tmp_path: Path, capsys: pytest.Captur
 def test_a_rig_without_images(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig = with_sources(clip, tmp_path, **dict.fromkeys(clip.rig.names))
     assert calibrate(clip, tmp_path / "child.yaml", "--from-points", rig) == 2
-    assert "no camera has a source that can be used" in said(capsys)
+    named = f"image source '{rig}': no camera has a source that can be used: the rig names no source for this camera: cam01, "
+    assert named in said(capsys)
 
 
 def test_a_body_without_the_points(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str], repository: Path) -> None:

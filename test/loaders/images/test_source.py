@@ -11,11 +11,12 @@ import pytest
 
 from helpers.cameras.small_clip import CAMERAS
 from tracker_node.camera.model import CameraModel
-from tracker_node.camera.rig import Camera, CameraRig
+from tracker_node.camera.rig import Camera, CameraRig, CaptureSettings
 from tracker_node.errors import CalibrationError, SourceError
 from tracker_node.loaders.images.source import (
     PreloadedSource,
     SourceOptions,
+    assumed_rate,
     list_images,
     load_backgrounds,
     open_camera_source,
@@ -184,6 +185,96 @@ def test_unreadable_image_of_a_folder_is_counted_and_the_rest_delivered(folder: 
     assert [number_of(image) for _, image in images] == [i for i in range(N) if i != 5]
     assert images[5][0] == 6 * 40_000_000  # the stamps of the others stay
     assert source.counts.missing == 1 and "image5.png" in source.counts.problems[0]
+
+
+def rewritten(folder: Path, name: str, numbers: list[int]) -> Path:
+    """A folder in which file ``i`` has the ``i``-th of these numbers in its name."""
+    other = folder.parent / "others"
+    other.mkdir()
+    for i, number in enumerate(numbers):
+        (folder / f"image{i}.png").rename(other / name.format(number))
+    return other
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "gaps"),
+    [
+        ("image{}.png", [7, 8, 10, 11, 12], [2]),
+        ("cam2_{:04d}_left.png", [0, 1, 2, 6, 7], [3, 4, 5]),
+        ("{:03d}.png", [0, 10, 20, 40, 50], [3]),
+        ("{:02d}.png", [0, 1, 3], [2]),
+        ("{}.png", [0, 10, 20, 30], []),  # a common step
+        ("{}.png", [5, 6, 7, 8], []),
+        ("{}.png", [1700000000000000000, 1700000000033301111, 1700000000066654321, 1700000000100012345], []),  # times
+        ("{}.png", [3, 17, 41, 50, 72], []),  # chosen by hand
+        ("{}.png", [0, 1, 2, 1_000_000], []),
+    ],
+)
+def test_a_missing_number_of_a_folder_is_a_missing_image(folder: Path, name: str, numbers: list[int], gaps: list[int]):
+    other = rewritten(folder, name, numbers)
+    source = open_source(other, rate_hz=25.0)
+    there = [i for i in range(len(numbers) + len(gaps)) if i not in gaps]
+    assert (source.n_images, source.n_stored) == (len(numbers) + len(gaps), len(numbers))
+    for _ in range(2):
+        read = list(source)
+        assert [stamp for stamp, _ in read] == [40_000_000 * i for i in there]
+        assert [number_of(image) for _, image in read] == list(range(len(numbers)))
+        assert source.counts.missing == len(gaps) and all("is missing" in text for text in source.counts.problems)
+    if gaps:
+        missing = other / name.format(numbers[0] + gaps[0] * (numbers[1] - numbers[0]))
+        assert source.counts.problems[0] == f"{missing} is missing"
+
+
+def test_a_rate_is_assumed_where_nothing_says_it(folder: Path, video: Path):
+    assert assumed_rate([open_source(video), open_source(folder)], "--rate") == [
+        "no rate in image folders: 30 Hz assumed; --rate says another"
+    ]
+    times = tuple(range(N))
+    said = [open_source(video), open_source(folder, rate_hz=30.0), open_source(folder, times_ns=times)]
+    assert assumed_rate([*said, open_source(folder / "image1.png")], "--rate") == []
+
+
+def test_parts_and_loops_of_a_folder_with_a_gap_go_by_the_numbers(folder: Path):
+    (folder / "image3.png").unlink()
+    part = open_source(folder, rate_hz=25.0, start=2, end=5)
+    assert [(stamp // 40_000_000, number_of(image)) for stamp, image in part] == [(2, 2), (4, 4)]
+    loop = itertools.islice(open_source(folder, rate_hz=25.0, start=2, end=5, loop=True), 4)
+    assert [(stamp // 40_000_000, number_of(image)) for stamp, image in loop] == [(2, 2), (4, 4), (5, 2), (7, 4)]
+    assert open_source(folder / "image%d.png").counts.missing == 0 and open_source(folder / "image%d.png").n_images == N
+
+
+def test_a_time_for_each_file_says_more_than_its_number(folder: Path, tmp_path: Path):
+    (folder / "image3.png").unlink()
+    stamps = tmp_path / "stamps.csv"
+    stamps.write_text("\n".join(["time", *(f"{0.04 * i:.2f}" for i in range(N) if i != 3)]))
+    K = np.array([[50.0, 0, 31.5], [0, 50.0, 23.5], [0, 0, 1]])
+    camera = Camera("left", CameraModel(WIDTH, HEIGHT, K), np.eye(4), source=str(folder), stamp_file=str(stamps))
+    for source in (open_camera_source(camera), *open_recordings({"left": str(folder)}, stamps).values()):
+        assert [(stamp // 40_000_000, number_of(image)) for stamp, image in source] == [(i, i) for i in range(N) if i != 3]
+
+
+@pytest.mark.parametrize("publish", ["color", "jpeg"])
+def test_an_image_that_is_cut_off_is_as_one_that_cannot_be_read(tmp_path: Path, publish: str):
+    noise = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    for i in range(5):
+        cv2.imwrite(str(tmp_path / f"{i}.jpg"), noise)
+    whole = (tmp_path / "0.jpg").read_bytes()
+    thumbnail = b"\xff\xe1\x00\x06\xff\xd8\xff\xd9"
+    (tmp_path / "1.jpg").write_bytes(whole[:2] + thumbnail + whole[2 : len(whole) // 2])
+    (tmp_path / "2.jpg").write_bytes(whole[:2] + thumbnail + whole[2:] + bytes(5000))  # padded
+    (tmp_path / "3.jpg").write_bytes(whole[:-1])
+    source = open_source(tmp_path, capture=CaptureSettings(publish=publish))
+    assert [round(stamp * 30e-9) for stamp in (image.stamp_ns for image in source.images())] == [0, 2, 4]
+    assert [text.split(" is ")[0] for text in source.counts.problems] == [str(tmp_path / f"{i}.jpg") for i in (1, 3)]
+    assert all("cut off" in text for text in source.counts.problems)
+
+
+def test_a_png_that_is_cut_off_is_not_read(folder: Path):
+    whole = (folder / "image0.png").read_bytes()
+    (folder / "image0.png").write_bytes(whole[:-20])
+    (folder / "image1.png").write_bytes(whole + bytes(100))
+    source = open_source(folder)
+    assert len(list(source)) == N - 1 and "image0.png is cut off" in source.counts.problems[0]
 
 
 def test_changing_size_is_refused(folder: Path):

@@ -202,7 +202,8 @@ def write(name, content):
         (projects.pose2sim, lambda folder: None, ["--stature", "178"], "'--stature': expected 0.4 to 3 meters"),
         (projects.pose2sim, remove("calibration/*"), [], "one for these videos; --calibration says which, got 'none'"),
         (projects.pose2sim, write("calibration/Calib_b.toml", b""), [], "Calib_b.toml"),
-        (projects.pose2sim, remove("videos/*"), [], "a project of OpenCap, Caliscope, FreeMoCap, Anipose"),
+        (projects.pose2sim, remove("videos/*"), [], "calibration/, or videos/ and Config.toml; or videos/ with"),
+        (projects.pose2sim, remove("videos/*"), ["--calibration", "{folder}/Config.toml"], "Config.toml; or videos/)"),
         (projects.pose2sim, remove("videos/*1.mp4"), ["--calibration", "{folder}/Config.toml"], "expected one table per camera"),
         (projects.pose2sim, write("videos/cam01.mp4", b"no video"), [], "cannot be opened as a video"),
         (projects.pose2sim, write("Config.toml", b"[project"), [], "Config.toml: field '(file)': expected a TOML file"),
@@ -219,6 +220,18 @@ def test_what_is_wrong_is_one_line(tmp_path, capsys, make, change, arguments, sa
     assert main(["import", str(folder), "-o", str(tmp_path / "mine"), *arguments]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and said in error
+
+
+def test_videos_alone_are_enough_beside_a_calibration(tmp_path, capsys):
+    folder = projects.pose2sim(tmp_path / "all" / "session" / "project")
+    (folder / "Config.toml").unlink()
+    calibration = next((folder / "calibration").glob("*.toml")).rename(tmp_path / "own.toml")
+    (folder / "calibration").rmdir()
+    assert main(["import", str(folder), "-o", str(tmp_path / "refused")]) == 2
+    assert "or videos/ with --calibration" in capsys.readouterr().err
+    rig = load_rig(imported(folder, tmp_path / "mine", "--calibration", str(calibration)) / "rig.yaml")
+    assert [Path(camera.source).name for camera in rig] == ["cam01.mp4", "cam02.mp4", "cam03.mp4"]
+    assert "1 trial of videos" in capsys.readouterr().out
 
 
 def test_folders_that_are_none_and_output_that_is_there(tmp_path, capsys):

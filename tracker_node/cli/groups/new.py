@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from os.path import relpath
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def _add_recording_arguments(parser: argparse.ArgumentParser) -> None:
 def _run_recording(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from ...loaders.images.source import open_camera_source
+    from ...loaders.images.source import assumed_rate, open_camera_source
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
     from ...loaders.recording_yaml import PARAMETERS, write_recording
@@ -42,7 +43,10 @@ def _run_recording(args: argparse.Namespace) -> int:
     rig, model = load_rig(args.rig), load_model(args.model)
     if args.initial_state is not None:
         load_state(args.initial_state, model)
-    period_s = float(np.median([1.0 / open_camera_source(camera).rate_hz for camera in rig]))
+    sources = [open_camera_source(camera) for camera in rig]
+    for note in assumed_rate(sources, f"rate_hz below images in {args.output}"):
+        print(f"new recording: {note}", file=sys.stderr)
+    period_s = float(np.median([1.0 / source.rate_hz for source in sources]))
     modalities = tuple(args.modalities or (_POINTS if is_person(model) else _CONTOURS))
     TrackerConfig(modalities=modalities)
     named = {"rig": args.rig, "model": args.model, "initial_state": args.initial_state, "output": args.run}

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import glob
+import os
 import re
 from bisect import bisect_left
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -17,7 +19,7 @@ from ...errors import FileFormatError, SourceError
 from ..bag.images import COMPRESSED, RAW, image_topics, source_content
 from ..bag.message_types import NS_PER_S
 from ..bag.reader import BagReader
-from ..decoding import IMAGE_SUFFIXES, JPEG, content_size, jpeg_size
+from ..decoding import IMAGE_SUFFIXES, JPEG, content_size, is_whole, jpeg_size
 from ..source_address import SourceAddress
 from .recorded_source import ImageSource, SourceOptions
 from .stamps import varying_times
@@ -25,6 +27,10 @@ from .stamps import varying_times
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
 _MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 READ_ON = 20  # images that are rather read in passing than jumped over
+_NUMBERED = re.compile(r"(.*?)([0-9]+)([^0-9]*)", re.DOTALL)
+_MOST_NUMBERED = 10  # times as many numbers as files: more are no recording with gaps
+_PNG_BEGIN = b"\x89PNG\r\n\x1a\n"
+_ENDS = {b"\xff\xd8": b"\xff\xd9", _PNG_BEGIN: b"IEND\xaeB`\x82"}  # what JPEG and PNG begin and end with
 
 
 class VideoSource(ImageSource):
@@ -107,23 +113,37 @@ class VideoSource(ImageSource):
 
 
 class FolderSource(ImageSource):
-    """Image files of a folder, or of a pattern, in natural order (``image9`` before ``image10``)."""
+    """Image files of a folder, or of a pattern, in natural order (``image9`` before ``image10``).
+
+    A number that is missing between those of the others is an image that is missing, so that the others keep their time; but
+    not where there is a time for each file.
+    """
 
     def _open(self) -> tuple[int, int, float, int]:
-        self._files = list_images(self.path)
-        for file in self._files:
-            image = cv2.imread(file, cv2.IMREAD_COLOR)
+        found = list_images(self.path)
+        self._files, self._n_stored = found, len(found)
+        if self.options.times_ns is None:
+            self.rate_is_assumed = self.options.rate_hz is None and len(found) > 1
+            self._files, self.first_number = _with_missing(found)
+        for file in found:
+            image = None if _damage(file) else cv2.imread(file, cv2.IMREAD_COLOR)
             if image is not None:
                 return image.shape[1], image.shape[0], DEFAULT_FOLDER_RATE_HZ, len(self._files)
-        raise SourceError(self.path, f"none of its {len(self._files)} image files can be read")
+        raise SourceError(self.path, f"none of its {len(found)} image files can be read")
+
+    @property
+    def n_stored(self) -> int:
+        return self._n_stored
 
     def _read(self, start: int, end: int) -> Iterator[tuple[int, np.ndarray | bytes]]:
         for i in range(start, end):
             if self._skips(i):
                 continue
-            content = self._content(self._files[i])
+            file = self._files[i]
+            damage = _damage(file)
+            content = None if damage else self._content(file)
             if content is None:
-                self._missing(1, f"cannot read {self._files[i]}")
+                self._missing(1, damage or f"cannot read {file}")
                 continue
             yield i, content
 
@@ -147,6 +167,23 @@ def _bytes(file: str) -> bytes | None:
         return None
 
 
+def _damage(file: str) -> str:
+    """What is wrong with an image file, as far as its two ends tell: of one that is cut off, decoders make up the rest."""
+    try:
+        with open(file, "rb") as stream:
+            begin = stream.read(len(_PNG_BEGIN))
+            end = next((end for first, end in _ENDS.items() if begin.startswith(first)), b"")
+            stream.seek(-min(len(end), len(begin)), os.SEEK_END)
+            if stream.read() == end or not end:
+                return ""
+            stream.seek(0)
+            return "" if is_whole(stream.read()) else f"{file} is cut off: the end of the image is missing"
+    except FileNotFoundError:
+        return f"{file} is missing"
+    except OSError:
+        return f"cannot read {file}"
+
+
 def _plain_size(data: bytes | None) -> tuple[int, int] | None:
     """Size of a JPEG as it lies in the file (a camera held upright may say that it is to be turned); None if it is none."""
     try:
@@ -163,7 +200,8 @@ def list_images(path: str) -> list[str]:
     SourceError : when there are none.
     """
     if Path(path).is_dir():
-        found = [str(file) for file in Path(path).iterdir() if file.suffix.lower() in IMAGE_SUFFIXES]
+        files = (file for file in Path(path).iterdir() if not file.name.startswith("."))
+        found = [str(file) for file in files if file.suffix.lower() in IMAGE_SUFFIXES]
     else:
         printf = re.search(r"%0?\d*d", path)
         pattern = path[: printf.start()] + "[0-9]*" + path[printf.end() :] if printf else path
@@ -175,6 +213,37 @@ def list_images(path: str) -> list[str]:
 
 def _natural_key(path: str) -> list[tuple[int, int, str]]:
     return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path) if part]
+
+
+def _with_missing(files: list[str]) -> tuple[list[str], int | None]:
+    """Files with the names of those that are missing in between, and the first number; as they are, and None, without numbers.
+
+    Names are numbered where they differ in one number only, which mostly grows by the same step: times of images do not.
+    """
+    parts = [_NUMBERED.fullmatch(file) for file in files]
+    first = parts[0]
+    if first is None or any(part is None or (part[1], part[3]) != (first[1], first[3]) for part in parts):
+        return files, None
+    digits = [part[2] for part in parts if part is not None]
+    numbers = list(map(int, digits))
+    steps = [after - before for before, after in pairwise(numbers)]
+    step = min(steps, default=0)
+    regular = sum(each == step for each in steps)
+    if step < 1 or any(each % step for each in steps) or 2 * regular < len(steps):
+        return files, None
+    n = (numbers[-1] - numbers[0]) // step + 1
+    if n == len(files):
+        return files, numbers[0]
+    if n > _MOST_NUMBERED * len(files):
+        return files, None
+    width, known = min(map(len, digits)), set(numbers)
+    names = dict(zip(numbers, files, strict=True))
+    for number in range(numbers[0], numbers[-1], step):
+        if number not in known:
+            names[number] = f"{first[1]}{number:0{width}}{first[3]}"
+            if os.path.exists(names[number]):  # a pattern has chosen among the files
+                return files, None
+    return [names[number] for number in sorted(names)], numbers[0]
 
 
 _DEFAULT_RATE_HZ = 30.0  # of a bag with one image

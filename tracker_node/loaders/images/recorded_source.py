@@ -120,7 +120,12 @@ class ImageSource(ABC):
 
     ``width`` and ``height`` are those of the delivered images, ``n_images`` the number in one pass as far as the file says
     (a truncated video delivers fewer, see ``counts``). ``note``: what is unusual about it and good to know, a sentence.
+    ``first_number``: in the name of the first file of a folder; None where files are not numbered.
+    ``rate_is_assumed``: nothing says the rate.
     """
+
+    first_number: int | None = None
+    rate_is_assumed = False
 
     def __init__(self, path: str, options: SourceOptions):
         self.path, self.options, self.note = path, options, ""
@@ -163,6 +168,11 @@ class ImageSource(ABC):
     @property
     def n_images(self) -> int:
         return len(self.numbers)
+
+    @property
+    def n_stored(self) -> int:
+        """Number of images in the file, without those that a folder lacks."""
+        return self._n_in_file
 
     def stamp_ns(self, i: int) -> int:
         """Stamp of image number ``i`` of the file; beyond the last one read, that of a later pass."""

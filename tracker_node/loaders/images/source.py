@@ -9,7 +9,7 @@ import glob
 import itertools
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,7 @@ __all__ = [
     "ReadCounts",
     "SourceOptions",
     "VideoSource",
+    "assumed_rate",
     "list_images",
     "open_camera_source",
     "open_recordings",
@@ -97,7 +98,8 @@ class InterlacedSource(ImageSource):
     def __init__(self, path: str | Path, options: SourceOptions, order: str):
         check_fields(options.capture, str(path))
         self._order = order
-        self._woven = open_source(path, SourceOptions(threads=options.threads, own_times=options.own_times))
+        times = None if options.times_ns is None else options.times_ns[::2]
+        self._woven = open_source(path, SourceOptions(threads=options.threads, own_times=options.own_times, times_ns=times))
         super().__init__(str(path), options)
         first = [image for _, image in itertools.islice(self._woven, min(_CHECKED, self._woven.n_images))]
         check_interlaced(first, str(path))
@@ -105,6 +107,8 @@ class InterlacedSource(ImageSource):
 
     def _open(self) -> tuple[int, int, float, int]:
         source = self._woven
+        self.first_number = source.first_number
+        self.rate_is_assumed = source.rate_is_assumed and self.options.rate_hz is None
         if source.native_height % 2:
             raise SourceError(source.path, f"marked as interlaced, but its {source.native_height} lines are not an even number")
         return source.native_width, source.native_height, 2.0 * source.rate_hz, 2 * source.n_images
@@ -190,6 +194,22 @@ def open_recordings(
     return sources
 
 
+def assumed_rate(sources: Iterable[ImageSource], where: str) -> list[str]:
+    """A sentence where nothing says the rate of some of these sources.
+
+    Parameters
+    ----------
+    sources, where : opened; what the user gives a rate by.
+
+    Returns
+    -------
+    At most one.
+    """
+    if not any(source.rate_is_assumed for source in sources):
+        return []
+    return [f"no rate in image folders: {DEFAULT_FOLDER_RATE_HZ:g} Hz assumed; {where} says another"]
+
+
 def open_camera_source(camera: Camera, options: SourceOptions | None = None) -> ImageSource:
     """Source of a rig's camera: its size is compared with the calibration, its stamps get the camera's time offset.
 
@@ -242,7 +262,7 @@ def open_camera_source_of_any_size(camera: Camera, options: SourceOptions | None
     if address.kind == BAG:
         address = topic_of_camera(address, camera.name)
     if camera.stamp_file is not None or camera.stamps is not None:
-        times = file_times(camera, open_source(str(address))._n_in_file)
+        times = file_times(camera, open_source(str(address)).n_stored)
         shifted = replace(shifted, times_ns=field_times(times) if camera.interlaced and times else times)
     if camera.interlaced:
         return InterlacedSource(str(address), shifted, camera.interlaced)

@@ -145,7 +145,7 @@ def _from_points(args: argparse.Namespace) -> int:
     model, prostheses, _ = _started(args)
     config = load_config(args.config) if args.config else TrackerConfig()
     rig = load_rig(args.from_points)
-    stream = SourceStream(rig, config.synchronizer, SourceOptions())
+    stream = SourceStream(rig, config.synchronizer, SourceOptions(), str(args.from_points))
     find, table = _finder(args, rig, model, config, stream)
     people = people_of_sets(stream, args.sets, find, (lambda *_: None) if args.quiet else StageProgress("calibrate body"))
     for sentence in (*stream.errors, *stream.notes):

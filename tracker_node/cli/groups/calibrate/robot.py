@@ -93,7 +93,7 @@ def _images(args: argparse.Namespace, config, said, given, model):
     stream: ImageSetStream
     with ExitStack() as stack:
         if args.bag is None:
-            stream = SourceStream(rig, config.synchronizer)
+            stream = SourceStream(rig, config.synchronizer, rig_file=str(args.rig))
         else:
             reader = stack.enter_context(BagReader(args.bag))
             rig = rig_of_bag(rig, reader)
