@@ -96,7 +96,7 @@ def test_a_mistake_is_named_where_it_stands(write, before, after, field, expecte
     ("before", "after", "field", "meant", "of_a_trial"),
     [
         ("{subject: anna}", "{sbject: anna}", "trials.walk1.sbject", "'subject', or another of", True),
-        ("{subject: anna}", "{recordin: own.yaml}", "trials.walk1.recordin", "'recording', or another of", True),
+        ("{subject: anna}", "{recordingg: own.yaml}", "trials.walk1.recordingg", "'recording', or another of", True),
         ("{model: anna.yaml}", "{modell: anna.yaml}", "subjects.anna.modell", "'model', or another of", False),
         ("  rig: rig.yaml", "  xyz: rig.yaml", "common.xyz", "one of", False),
     ],

@@ -269,6 +269,13 @@ def test_an_image_that_is_cut_off_is_as_one_that_cannot_be_read(tmp_path: Path, 
     assert all("cut off" in text for text in source.counts.problems)
 
 
+def test_a_camera_that_never_writes_the_end_of_an_image_is_read_all_the_same(tmp_path: Path):
+    for i in range(5):
+        cv2.imwrite(str(tmp_path / f"{i}.jpg"), np.full((HEIGHT, WIDTH, 3), 90, np.uint8))
+        (tmp_path / f"{i}.jpg").write_bytes((tmp_path / f"{i}.jpg").read_bytes()[:-2])
+    assert len(list(open_source(tmp_path))) == 5
+
+
 def test_a_png_that_is_cut_off_is_not_read(folder: Path):
     whole = (folder / "image0.png").read_bytes()
     (folder / "image0.png").write_bytes(whole[:-20])

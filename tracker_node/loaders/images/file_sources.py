@@ -27,6 +27,7 @@ from .stamps import varying_times
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
 _MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 READ_ON = 20  # images that are rather read in passing than jumped over
+_TRIED = 20  # files of a folder, of which one is whole
 _NUMBERED = re.compile(r"(.*?)([0-9]+)([^0-9]*)", re.DOTALL)
 _MOST_NUMBERED = 10  # times as many numbers as files: more are no recording with gaps
 _PNG_BEGIN = b"\x89PNG\r\n\x1a\n"
@@ -125,8 +126,9 @@ class FolderSource(ImageSource):
         if self.options.times_ns is None:
             self.rate_is_assumed = self.options.rate_hz is None and len(found) > 1
             self._files, self.first_number = _with_missing(found)
+        self._have_ends = any(not _damage(file) for file in found[:_TRIED])  # some cameras never write that of a JPEG
         for file in found:
-            image = None if _damage(file) else cv2.imread(file, cv2.IMREAD_COLOR)
+            image = None if self._have_ends and _damage(file) else cv2.imread(file, cv2.IMREAD_COLOR)
             if image is not None:
                 return image.shape[1], image.shape[0], DEFAULT_FOLDER_RATE_HZ, len(self._files)
         raise SourceError(self.path, f"none of its {len(found)} image files can be read")
@@ -140,7 +142,7 @@ class FolderSource(ImageSource):
             if self._skips(i):
                 continue
             file = self._files[i]
-            damage = _damage(file)
+            damage = _damage(file) if self._have_ends else ""
             content = None if damage else self._content(file)
             if content is None:
                 self._missing(1, damage or f"cannot read {file}")
