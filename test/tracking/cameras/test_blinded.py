@@ -111,6 +111,29 @@ def test_a_camera_in_which_a_detector_finds_the_body_is_not_blind():
     assert [fault.kind for fault in cameras.faults] == [DEFOCUSED]
 
 
+def test_a_detector_that_looks_now_and_then_or_late_tells_for_a_second():
+    cameras = followed()
+    for k in range(N_BEFORE, N_BEFORE + 40):
+        stamp_ns, late = 33_000_000 * k, np.array([True, True, True]) if k % 5 == 0 else None
+        cameras.look(stamp_ns, [striped(seed=k)] * 3, USUAL * (1.0, 0.1, 1.0))
+        if late is not None:  # the same set again, with its points
+            cameras.look(stamp_ns, [striped(seed=k)] * 3, USUAL * (1.0, 0.1, 1.0), late)
+        assert k < N_BEFORE + 5 or cameras.left_out == []
+    for k in range(N_BEFORE + 40, N_BEFORE + 80):
+        cameras.look(33_000_000 * k, [striped(seed=k)] * 3, USUAL * (1.0, 0.1, 1.0))
+    assert [fault.kind for fault in cameras.faults] == [BLIND]
+
+
+def test_what_is_little_is_not_learned_as_usual():
+    """Else a camera that shows more again would make the others look blind."""
+    cameras = followed()
+    for k in range(N_BEFORE, N_BEFORE + 60):
+        cameras.look(k, [striped(seed=k)] * 3, USUAL * (1.0, 0.05, 1.0), np.array([False, True, False]))
+    for k in range(N_BEFORE + 60, N_BEFORE + 70):
+        cameras.look(k, [striped(seed=k)] * 3, USUAL)
+        assert cameras.faults == ()
+
+
 def test_of_one_camera_alone_nothing_is_said():
     cameras = BlindedCameras(NAMES)
     for k in range(6):

@@ -27,6 +27,7 @@ _CHANCE = 3.0  # support wherever a body is put
 _PROVED = 0.45  # of what is usual of the others: a camera that has so much has shown the body at some time
 _BLIND, _WEAK = 0.3, 0.9  # shares of what is usual, below which a camera shows nothing of the body, or less than it did
 _BLURRED, _NOISIER, _NOISE_LEVELS = 0.5, 3.0, 5.0  # of sharpness; of noise, and gray levels more
+_SHOWN_NS = 1_000_000_000  # since a detector has found the body in a camera, for which that counts: it may look now and then
 _NAMED_SETS = 3  # in a row, from which on a camera is named, and left out if it is blind...
 _AGAIN_SETS = 10  # ...but for one set of so many, in which it may show the body again
 
@@ -69,7 +70,7 @@ class _Picture:
 @dataclass(eq=False)
 class _View:
     """What one camera shows: its ``usual`` support, nan at first; what is the matter with it, for how many sets, since when, and
-    its last share of what is usual."""
+    its last share of what is usual; the stamp of the set in which a detector has found the body there, while it does."""
 
     usual: float = math.nan
     picture: _Picture = field(default_factory=_Picture)
@@ -77,12 +78,14 @@ class _View:
     sets: int = 0
     since_ns: int = 0
     share: float = math.nan
+    shown_ns: int = -(2**62)
 
-    def take(self, kind: str | None, stamp_ns: int, support: float, share: float) -> None:
-        """Take in one set, of which it is known what is the matter."""
+    def take(self, kind: str | None, stamp_ns: int, support: float, share: float, tells: bool) -> None:
+        """Take in one set, of which it is known what is the matter; ``tells``: its support is worth to be remembered."""
         if kind is None:
             self.sets = 0
-            self.usual = support if math.isnan(self.usual) else (1.0 - _RATE) * self.usual + _RATE * support
+            if tells:
+                self.usual = support if math.isnan(self.usual) else (1.0 - _RATE) * self.usual + _RATE * support
             self.picture.learn()
         else:
             if self.kind is None:
@@ -140,9 +143,13 @@ class BlindedCameras:
         stamp_ns : of the set.
         images : pixels per camera of the rig, None where the set has none.
         support : (n_cameras,) log-likelihood ratio per sample of the outline; nan where a camera should not see any.
-        shown : (n_cameras,) bool of those in which a detector finds the body, which are not blind, however clothes blend with a
-            wall; None: none has looked.
+        shown : (n_cameras,) bool of those in which a detector finds the body, which are not blind for a second, however clothes
+            blend with a wall; None: none has looked.
         """
+        for view, there in zip(self._views, () if shown is None else shown, strict=shown is not None):
+            view.shown_ns = stamp_ns if there else -(2**62)
+            if there and view.kind == BLIND:
+                view.kind, view.sets = None, 0
         if stamp_ns <= self._latest_ns:
             return
         self._latest_ns = stamp_ns
@@ -153,10 +160,10 @@ class BlindedCameras:
             if view.is_left_out:
                 view.sets += 1
             elif not math.isnan(share):
-                is_shown = shown is not None and bool(shown[i])
-                blind = not is_shown and _is_by_chance(i, found, usual)
-                kind = BLIND if blind else _kind(view.picture, max(share, _BLIND) if is_shown else share)
-                view.take(kind, stamp_ns, found[i], share)
+                blind = share < _BLIND or _is_by_chance(i, found, usual)
+                is_shown = stamp_ns - view.shown_ns <= _SHOWN_NS
+                kind = BLIND if blind and not is_shown else _kind(view.picture, share)
+                view.take(kind, stamp_ns, found[i], share, tells=not blind)
         self.faults = tuple(
             CameraFault(name, view.kind, view.share, 0.0, view.since_ns)
             for name, view in zip(self._names, self._views, strict=True) if view.kind is not None and view.is_named
@@ -195,8 +202,6 @@ def _is_by_chance(i: int, support: Sequence[float], usual: Sequence[float]) -> b
 
 
 def _kind(picture: _Picture, share: float) -> str | None:
-    if share < _BLIND:
-        return BLIND
     if share < _WEAK and picture.is_noisy:
         return NOISY
     return DEFOCUSED if share < _WEAK and picture.is_blurred else None
