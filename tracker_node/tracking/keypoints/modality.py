@@ -114,6 +114,8 @@ class KeypointModality(Modality):
         self.looked = False
         self.guesses = DepthGuesses(rig, self.names, points, config)
         self._depths: GuessedDepths | None = None
+        self._guessed: GuessedDepths | None = None  # before sides are exchanged
+        self._exchanged: set[tuple[int, int]] = set()  # cameras and rows
 
     def reset(self) -> None:
         """Offsets are as before anything has been seen."""
@@ -136,7 +138,8 @@ class KeypointModality(Modality):
             observed = self._of(persons)
             if delays is not None:
                 self._brought_together(observed, expected, delays)
-            self._observed, self._depths = observed.packed(), self.guesses.of(persons)
+            self._observed, self._guessed, self._exchanged = observed.packed(), self.guesses.of(persons), set()
+            self._depths = self._guessed
 
     def _of(self, persons: Persons) -> ObservedPoints:
         n, m, config = len(self.names), len(self._rig), self._config
@@ -209,6 +212,12 @@ class KeypointModality(Modality):
             self._observed = observed = observed.copy()
             rows, columns = list(pair), list(cameras)
             observed[np.ix_(rows, columns)] = observed[np.ix_(rows[::-1], columns)]
+            self._exchanged ^= {(i, row) for i in columns for row in rows}
+            if self._guessed is not None:  # what is guessed of depths is of the sides as the detector has them
+                depths = self._guessed.depths.copy()
+                for i, row in self._exchanged:
+                    depths[i, self._guessed.bones[:, row] != 0.0] = np.nan
+                self._depths = replace(self._guessed, depths=depths)
 
     @property
     def has_points(self) -> bool:
