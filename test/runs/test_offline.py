@@ -231,7 +231,8 @@ def test_an_image_that_is_missing_in_a_folder_shifts_nothing(own_clip: Clip, fin
     (own_clip.folder / "cam02/0005.png").unlink()
     summary = run_offline(offline_run(own_clip), tmp_path / "run")
     assert summary["image_sets"] == N_IMAGES and summary["images"]["cam02"]["used"] == N_IMAGES - 1
-    assert "cam02/0005.png is missing" in summary["errors"][0]
+    assert summary["errors"] == []  # cameras drop images: no reason for a run to end as one that has failed
+    assert f"camera 'cam02': 1 of {N_IMAGES} numbered images are missing, first 0005.png" in summary["notes"]
     whole, got = read_states(finished[0] / "states.csv"), read_states(tmp_path / "run/states.csv")
     assert np.abs(got.rows[-1].values - whole.rows[-1].values).max() < 0.01
 

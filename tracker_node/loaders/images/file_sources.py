@@ -27,6 +27,7 @@ from .stamps import varying_times
 DEFAULT_FOLDER_RATE_HZ = 30.0  # still images carry no rate
 _MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 READ_ON = 20  # images that are rather read in passing than jumped over
+_JPEG_SUFFIXES = (".jpg", ".jpeg")
 _TRIED = 20  # files of a folder, of which one is whole
 _NUMBERED = re.compile(r"(.*?)([0-9]+)([^0-9]*)", re.DOTALL)
 _MOST_NUMBERED = 10  # times as many numbers as files: more are no recording with gaps
@@ -116,8 +117,8 @@ class VideoSource(ImageSource):
 class FolderSource(ImageSource):
     """Image files of a folder, or of a pattern, in natural order (``image9`` before ``image10``).
 
-    A number that is missing between those of the others is an image that is missing, so that the others keep their time; but
-    not where there is a time for each file.
+    A number that is missing between those of the others is an image that is missing, as the note says, so that the others keep
+    their time; but not where there is a time for each file.
     """
 
     def _open(self) -> tuple[int, int, float, int]:
@@ -126,7 +127,12 @@ class FolderSource(ImageSource):
         if self.options.times_ns is None:
             self.rate_is_assumed = self.options.rate_hz is None and len(found) > 1
             self._files, self.first_number = _with_missing(found)
-        self._have_ends = any(not _damage(file) for file in found[:_TRIED])  # some cameras never write that of a JPEG
+        self._absent = set(self._files).difference(found)
+        if self._absent:
+            first = Path(min(self._absent, key=_natural_key)).name
+            self.note = f"{len(self._absent)} of {len(self._files)} numbered images are missing, first {first}"
+        jpegs = [file for file in found[:_TRIED] if file.lower().endswith(_JPEG_SUFFIXES)]
+        self._have_ends = not jpegs or not all(map(_damage, jpegs))  # some cameras never write that of a JPEG
         for file in found:
             image = None if self._have_ends and _damage(file) else cv2.imread(file, cv2.IMREAD_COLOR)
             if image is not None:
@@ -142,6 +148,9 @@ class FolderSource(ImageSource):
             if self._skips(i):
                 continue
             file = self._files[i]
+            if file in self._absent:
+                self.counts.missing += 1
+                continue
             damage = _damage(file) if self._have_ends else ""
             content = None if damage else self._content(file)
             if content is None:
@@ -152,7 +161,7 @@ class FolderSource(ImageSource):
     def _content(self, file: str) -> np.ndarray | bytes | None:
         publish, keep = self.options.capture.publish, self.options.keep
         gray = self.options.capture.bayer or (publish == "mono" and not keep)
-        is_jpeg = Path(file).suffix.lower() in (".jpg", ".jpeg")
+        is_jpeg = file.lower().endswith(_JPEG_SUFFIXES)
         shrinks = (self.width, self.height) != (self.native_width, self.native_height)
         if publish == JPEG or (is_jpeg and (shrinks or keep) and publish == "color" and not gray):
             data = _bytes(file)
