@@ -146,7 +146,9 @@ def run(args: argparse.Namespace) -> int:
     try:
         summaries = run_together(runs, outputs, None if args.quiet else _Progress(), tell, joining)
     except KeyboardInterrupt:
-        print(f"track: ended by Ctrl-C; what was tracked until then is in {args.output}", file=sys.stderr)
+        begun = any((output / "run.json").is_file() for output in outputs.values())
+        kept = f"what was tracked until then is in {args.output}" if begun else "nothing was tracked yet"
+        print(f"track: ended by Ctrl-C; {kept}", file=sys.stderr)
         raise
     statuses = []
     for name in (name for name in summaries if name not in bodies):
@@ -315,11 +317,14 @@ class _Progress:
 
 
 def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str], body: str) -> None:
+    from ..tracking.estimate import DELAYED, TURNED
+
     for error in (error for error in summary["errors"] if error not in told):
         print(f"track: {error}", file=sys.stderr)
     for found in (found for found in summary["contradicted_cameras"] if found["said"] not in told):
         told.append(found["said"])
-        print(f"track: {found['said']}, in {found['sets']} image sets (tracker_node rig check RIG)", file=sys.stderr)
+        more = " (tracker_node rig check RIG)" if found["kind"] in (TURNED, DELAYED) else ""
+        print(f"track: {found['said']}, in {found['sets']} image sets{more}", file=sys.stderr)
     if quiet:
         return
     counts = ", ".join(f"{n} {name}" for name, n in summary["status_counts"].items() if n)

@@ -76,7 +76,8 @@ class CurrentPages:
     def __init__(self, session: StudioSession, pages: Sequence[Page]):
         self._first, self._pages = session, pages
         self._session, self._router = session, self._router_of(session)
-        self._opening, self._files = threading.Lock(), session.files
+        self._opening = threading.Lock()
+        self._files: StudioFiles | None = session.files
         session.closing.callback(self._close)
         if session.files.new is not None:
             self.reopen(True)
@@ -103,7 +104,7 @@ class CurrentPages:
             try:
                 session = open_session(files)
             except TrackerError:
-                session = open_session(StudioFiles(**poses))
+                session, self._files = open_session(StudioFiles(**poses)), None  # tried again: somebody may mend a file
             before, self._session, self._router = self._session, session, self._router_of(session)
             if before is not self._first:
                 before.closing.close()

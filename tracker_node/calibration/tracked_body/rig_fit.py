@@ -179,7 +179,7 @@ def fit_rig(
         count = int(np.sum(residuals[1][:, 0] == i))
         if count < LEAST_LINES:
             raise CalibrationError(camera.name, f"hardly sees the body: {count} contour lines in {len(states)} image sets")
-    sigmas = _sigmas(problem, after, lines[1], body.robust_px[-1])
+    sigmas = _sigmas(problem, after, lines[1], body.robust_px[-1], options.scale)
     sigmas[:, TIME] = time_sigmas_s
     fitted, moved, scale = settled(rig, problem, after, options.scale)
     cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], residuals) for i, c in enumerate(rig)}
@@ -187,11 +187,13 @@ def fit_rig(
     return RigFit(fitted, space.body(after.s), moved, before.states, cameras, overall, len(states), loop.iterations, scale)
 
 
-def _sigmas(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines], robust_px: float) -> np.ndarray:
+def _sigmas(
+    problem: Problem, estimate: Estimate, lines: Sequence[ContourLines], robust_px: float, scaled: bool
+) -> np.ndarray:  # fmt: skip
     """(n_cameras, `N_CAMERA`) standard deviations: by lines as bad as their residuals, or by image sets, whichever says more."""
     _, covariance = shared_covariance(problem, lines, estimate, robust_px)
-    by_lines = np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * _settled_sigmas(problem.rig, covariance)
-    by_sets = _settled_sigmas(problem.rig, clustered_covariance(problem, lines, estimate, robust_px))
+    by_lines = np.sqrt(max(1.0, misfit_of(problem, estimate, lines))) * _settled_sigmas(problem.rig, covariance, scaled)
+    by_sets = _settled_sigmas(problem.rig, clustered_covariance(problem, lines, estimate, robust_px), scaled)
     return np.maximum(by_lines, by_sets)
 
 
@@ -204,7 +206,7 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
     if not np.any(problem.shared.cameras[:, TIME]):
         return problem, estimate, np.zeros(len(problem.rig))
     body = options.body
-    sigmas = _sigmas(problem, estimate, loop.draw(problem, estimate), body.robust_px[-1])[:, TIME]
+    sigmas = _sigmas(problem, estimate, loop.draw(problem, estimate), body.robust_px[-1], options.scale)[:, TIME]
     cameras = estimate.cameras.copy()
     common_s = float(np.median(cameras[:, TIME]))
     cameras[:, TIME] -= common_s
@@ -263,17 +265,19 @@ def _shrunk(Ts: np.ndarray, factor: float) -> np.ndarray:
     return result
 
 
-def _settled_sigmas(rig: CameraRig, covariance: np.ndarray) -> np.ndarray:
-    """(n_cameras, `N_CAMERA`) standard deviations of departures, without the move and the delay that all cameras share."""
+def _settled_sigmas(rig: CameraRig, covariance: np.ndarray, scaled: bool) -> np.ndarray:
+    """(n_cameras, `N_CAMERA`) standard deviations of departures, without the move and the delay that all cameras share, and
+    without the scale unless that is ``scaled``."""
     n = len(rig)
-    common = np.zeros((n, N_CAMERA, 7))
+    common, middle = np.zeros((n, N_CAMERA, 8)), np.mean([camera.center for camera in rig], axis=0)
     for i, camera in enumerate(rig):
         T = camera.T_cam_world
         common[i, :3, :3], common[i, 3:6, 3:6] = T[:3, :3], T[:3, :3]
         common[i, :3, 3:6] = so3.hat(T[:3, 3]) @ T[:3, :3]
         common[i, TIME, 6] = 1.0
+        common[i, :3, 7] = 0.0 if scaled else T[:3, :3] @ (camera.center - middle)
     scale = np.tile(np.r_[[METER_RAD] * 3, [1.0] * (N_CAMERA - 3)], n)
-    A = scale[:, None] * common.reshape(n * N_CAMERA, 7)
+    A = scale[:, None] * common.reshape(n * N_CAMERA, 8)
     rest = np.eye(len(A)) - A @ np.linalg.pinv(A)
     rest = rest * scale[None, :] / scale[:, None]
     return np.sqrt(np.maximum(np.diag(rest @ covariance @ rest.T), 0.0)).reshape(n, N_CAMERA)
@@ -293,7 +297,7 @@ def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, scaled: bool = Tr
     -------
     T (4, 4) and a factor such that ``T @ Ts_world_cam``, their places times the factor before, are near ``given``.
     """
-    T, factor, weights = np.eye(4), 1.0, np.ones(len(given))
+    T, factor, weights, scaled = np.eye(4), 1.0, np.ones(len(given)), scaled and len(given) > 1
     middle = given[:, :3, 3].mean(axis=0)
     for _ in range(50):
         H, g = 1e-9 * np.eye(7), np.zeros(7)

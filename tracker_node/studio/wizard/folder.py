@@ -75,7 +75,7 @@ def contents_of(folder: Path) -> Contents:
         tuple(name for name, kind in kinds.items() if kind == RIG),
         tuple(_name(path, folder) for path in _with(folder, (".trc",), folder)),
         tuple(name for name, columns in tables.items() if _CONTROL_POINTS.issubset(columns)),
-        tuple(name for name, columns in tables.items() if columns[: len(_PLACES)] == _PLACES),
+        tuple(_name(path, folder) for path in csv_files if tuple(_first_line(path).split(",")[: len(_PLACES)]) == _PLACES),
         {name: images for name, images in boards.items() if images},
         tuple(_name(path, folder) for path in poses),
     )
@@ -123,8 +123,11 @@ def _kind(path: Path) -> str | None:
 
 def _columns(path: Path) -> tuple[str, ...]:
     """As a spreadsheet may have written them, so that the command says what it expects where that is not the same."""
+    return tuple(re.split("[,;\t]", _first_line(path).lower().replace(" ", "")))
+
+
+def _first_line(path: Path) -> str:
     try:
-        first = read_text(path).split("\n", 1)[0].lower().replace(" ", "").removeprefix("\ufeff")
+        return read_text(path).removeprefix("\ufeff").split("\n", 1)[0].strip()
     except TrackerError:
-        return ()
-    return tuple(re.split("[,;\t]", first))
+        return ""

@@ -150,11 +150,10 @@ def _from_points(args: argparse.Namespace) -> int:
     people = people_of_sets(stream, args.sets, find, (lambda *_: None) if args.quiet else StageProgress("calibrate body"))
     for sentence in (*stream.errors, *stream.notes):
         print(f"calibrate body: {sentence}", file=sys.stderr)
-    try:
-        fit = body_from_points(model, rig, people, table, config, near)
-    except TrackerError as error:
+    if not any(sum(map(bool, seen)) > 1 for seen in people):
         got = f"none in {len(people)} image sets of {len(rig)} camera{'s'[: len(rig) > 1]}; --stature makes a body of a height"
-        raise FileFormatError(args.from_points, "(images)", "a person in two cameras at once", got) from error
+        raise FileFormatError(args.from_points, "(images)", "a person in two cameras at once", got)
+    fit = body_from_points(model, rig, people, table, config, near)
     name = Path(args.from_points).name
     body = _completed(fit.model, prostheses)
     dump_model(body, args.output, f"{body.name}, from points of {len(fit.rows)} image sets of {name}. Units: meters.")

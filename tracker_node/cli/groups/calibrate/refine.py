@@ -69,6 +69,7 @@ def _from_run(args: argparse.Namespace) -> int:
 
     check(not args.points2d, "--from-run", "no --points2d beside it", args.points2d)
     check(0.0 < args.center_sigma_mm < 1e4, "--center-sigma-mm", "a positive number of millimeters", args.center_sigma_mm)
+    check(not (args.scale and args.keep_places), "--scale", "no --keep-places beside it")
     check(not (args.keep_places and args.keep_times and not args.focal), "--keep-places", "something that may change")
     report = Path(args.report or Path(args.output).with_suffix(".json"))
     page = report.with_suffix(".html")
@@ -92,14 +93,17 @@ def _from_run(args: argparse.Namespace) -> int:
     write_rig_file(rig_file, args.output, base_dir=Path(rig_path).parent)
     write_rig_report(page, images.model, images.rig, images.sets, fit)
     write_metrics(report, rig_metrics(fit) | drift_metrics(clocks))
-    _print_cameras(fit, args.scale)
+    _print_cameras(fit)
+    if options.places:
+        taken = "taken" if args.scale else "kept (--scale takes it)"
+        print(f"scale: by the size of the body {fit.scale:.3f} times the rig's, {taken}")
     for name, clock in clocks.items():
         print(f"{name:12} drift {1e6 * clock.drift:8.1f} +- {1e6 * clock.drift_sigma:6.1f} ppm")
     print(f"wrote {args.output}, {page} and {report}")
     return 0
 
 
-def _print_cameras(fit, scaled: bool) -> None:
+def _print_cameras(fit) -> None:
     """What has been found, as a table."""
     print(f"{'camera':12} {'lines':>7} {'rms px':>16} {'moved mm':>16} {'turned deg':>16} {'later ms':>16}")
     for name, c in fit.cameras.items():
@@ -110,7 +114,6 @@ def _print_cameras(fit, scaled: bool) -> None:
         print(f"{name:12} {c.after.count:7d} {rms:>16} {moves:>16} {turns:>16} {late:>16}")
     before, after = fit.overall
     print(f"all cameras: rms {before.rms_px:.2f} -> {after.rms_px:.2f} px in {fit.n_sets} image sets")
-    print(f"scale: by the size of the body {fit.scale:.3f} times the rig's, {'taken' if scaled else 'kept (--scale takes it)'}")
 
 
 def _from_points(args: argparse.Namespace) -> int:
