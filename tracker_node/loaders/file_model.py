@@ -196,9 +196,9 @@ class _Problem(NamedTuple):
 
 def _together(problems: Iterable[_Problem]) -> list[_Problem]:
     """The problems, with one for a key that is unknown in several places: of each camera, say."""
-    groups: dict[tuple[str, str], list[_Problem]] = {}
-    for found in problems:
-        groups.setdefault((found.expected, shown(found.got)) if found.unknown else (found.field, ""), []).append(found)
+    groups: dict[tuple[str, str, int], list[_Problem]] = {}
+    for i, found in enumerate(problems):
+        groups.setdefault((found.expected, shown(found.got), -1 if found.unknown else i), []).append(found)
     merged = []
     for first, *others in groups.values():
         fields = [f"'{found.field}'" for found in others[:_MOST_REPORTED]]
