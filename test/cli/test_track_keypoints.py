@@ -25,7 +25,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 
 def test_missing_weights(no_index: None, clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("ai_edge_litert")
-    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run")]) == 2
+    assert main(["track", *clip.arguments(), "--rate", "30", "--output", str(tmp_path / "run")]) == 2
     error = said(capsys)
     assert "mediapipe==0.10.9 could not be fetched" in error and f"{tmp_path}/cache/tracker_node/files/" in error
     assert not (tmp_path / "run").exists()
@@ -33,7 +33,7 @@ def test_missing_weights(no_index: None, clip: Clip, tmp_path: Path, capsys: pyt
 
 def test_missing_package(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ai_edge_litert", None)
-    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run")]) == 2
+    assert main(["track", *clip.arguments(), "--rate", "30", "--output", str(tmp_path / "run")]) == 2
     assert "ai_edge_litert is not installed; pip install 'tracker_node[keypoints]' brings it" in said(capsys)
 
 
@@ -46,7 +46,7 @@ def test_options_that_cannot_be(
     clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, value: str, words: str
 ) -> None:
     pytest.importorskip("ai_edge_litert")
-    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run"), option, value]) == 2
+    assert main(["track", *clip.arguments(), "--rate", "30", "--output", str(tmp_path / "run"), option, value]) == 2
     assert words in said(capsys)
 
 
@@ -56,14 +56,14 @@ def test_a_run_with_the_network(clip: Clip, tmp_path: Path, capsys: pytest.Captu
     own = tmp_path / "own.tflite"
     own.symlink_to(files.points)
     options = ["--keypoints-weights", str(own), "--keypoints-every", "2", "--quiet"]
-    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run"), *options]) == 0, capsys.readouterr().err
+    assert main(["track", *clip.arguments(), "--rate", "30", "--output", str(tmp_path / "run"), *options]) == 0, capsys.readouterr().err
     info = json.loads((tmp_path / "run/run.json").read_text())
     assert (info["image_sets"], info["detection"]["images"], info["detection"]["detector"]) == (2, 3, "BlazePose own")
     assert info["options"]["keypoints_weights"].endswith(files.points.name) and info["options"]["keypoints_every"] == 2
 
 
 def test_places_where_no_person_can_be_looked_for(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["track", *clip.arguments(), "--output", str(tmp_path / "run"), "--person"]
+    arguments = ["track", *clip.arguments(), "--rate", "30", "--output", str(tmp_path / "run"), "--person"]
     assert main([*arguments, "nan", "0", "1"]) == 2
     assert "'--person': expected a place in meters, got [nan, 0.0, 1.0]" in said(capsys)
     assert main([*arguments, "0", "0", "1"]) == 2

@@ -258,9 +258,10 @@ def test_limbs_are_lost_by_their_points(clip, engine):
             people[k] = replace(person, pixels=pixels)
         engine.observe([image.pixels for image in clip.sets[1].images], clip.states[1], people=[(p,) for p in people])
         fit = engine.solver._fitting.redrawn(engine.fit(clip.states[1], first=False))
-        odds = engine.judge._by_points(fit)
+        (points,) = engine.solver._fitting.points_at(fit.state)
+        odds = engine.judge._by_points(points, fit.state)
         found.append(dict(zip([limb.name for limb in engine.judge.limbs.limbs], odds, strict=True)))
     assert found[0]["left_hand"] < -1.0 and found[1]["left_hand"] > found[0]["left_hand"] + 2.0
     assert found[1]["right_foot"] == pytest.approx(found[0]["right_foot"], abs=1.0)
     engine.observe([image.pixels for image in clip.sets[1].images], clip.states[1])
-    assert engine.judge._by_points(fit) is None
+    assert engine.solver._fitting.points_at(fit.state) == []
