@@ -56,7 +56,7 @@ def test_a_run_with_the_network(clip: Clip, tmp_path: Path, capsys: pytest.Captu
     own = tmp_path / "own.tflite"
     own.symlink_to(files.points)
     options = ["--keypoints-weights", str(own), "--keypoints-every", "2", "--quiet"]
-    assert main(["track", *clip.arguments(), "--rate", "30", "--output", str(tmp_path / "run"), *options]) == 0, capsys.readouterr().err
+    assert main(["track", *clip.arguments(), "--output", str(tmp_path / "run"), *options]) == 0, capsys.readouterr().err
     info = json.loads((tmp_path / "run/run.json").read_text())
     assert (info["image_sets"], info["detection"]["images"], info["detection"]["detector"]) == (2, 3, "BlazePose own")
     assert info["options"]["keypoints_weights"].endswith(files.points.name) and info["options"]["keypoints_every"] == 2
