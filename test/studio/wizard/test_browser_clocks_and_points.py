@@ -82,7 +82,7 @@ def test_a_time_by_each_of_the_ways(tmp_path, monkeypatch):
             hands.wait("time")
             assert hands.page.input_value("#step-time [data-way]") == way
             hands.page.wait_for_selector("header .about:text-is('rig_timed.yaml')")
-            hands.page.wait_for_function("document.querySelector('#step-time img').naturalWidth > 300")
+            hands.page.wait_for_function("() => document.querySelector('#step-time img').naturalWidth > 300")
             if hands.page.viewport_size["width"] == WIDTH:
                 assert hands.page.evaluate(TOO_WIDE) == [] and hands.page.evaluate(SMALL) == []
             shutil.rmtree(by_hand, ignore_errors=True)

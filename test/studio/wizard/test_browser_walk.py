@@ -48,7 +48,7 @@ def test_boards_clocks_and_a_world(tmp_path, monkeypatch):
         assert "bring the board nearer" in hands.page.locator("#step-rig .fair").first.inner_text()
         shown += hands.do("time")
         assert "cam02: +0.00" in hands.said("time")
-        hands.page.wait_for_function("document.querySelector('#step-time img').naturalWidth > 300")
+        hands.page.wait_for_function("() => document.querySelector('#step-time img').naturalWidth > 300")
         shown += hands.do("world", **BOARD)
         assert "rig_world.yaml: origin" in hands.said("world")
         hands.page.set_viewport_size({"width": WIDTH, "height": 844})
