@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig, wrong_unit
+from ..geometry import se3
 from .geometry import Correction, Diagnosis, diagnose
 from .motion import common_grid, motion_on_grid
 from .recording import CameraRecording
@@ -93,19 +94,12 @@ def _units(cameras: list[Camera]) -> tuple[list[Finding], list[Camera]]:
     if wrong is None:
         return [], cameras
     in_metres = [
-        replace(camera, T_world_cam=_scaled(camera.T_world_cam, wrong.factor)) if camera.name in wrong.cameras else camera
+        replace(camera, T_world_cam=se3.scaled(camera.T_world_cam, wrong.factor)) if camera.name in wrong.cameras else camera
         for camera in cameras
     ]
     names = () if wrong.all_of_them else wrong.cameras
     values = {"apart_m": wrong.apart_m, "factor": wrong.factor}
     return [Finding("unit", names, wrong.sentence, values)], in_metres
-
-
-def _scaled(transform: np.ndarray, factor: float) -> np.ndarray:
-    """A transform with its translation multiplied."""
-    result = transform.copy()
-    result[:3, 3] *= factor
-    return result
 
 
 def _told(correction: Correction, rig: CameraRig, n_compared: int) -> Finding:

@@ -108,6 +108,22 @@ def nearest_rigid(transform: np.ndarray) -> np.ndarray:
     return from_rotation_translation(u @ vt, transform[:3, 3])
 
 
+def scaled(transforms: np.ndarray, factor: float) -> np.ndarray:
+    """Transforms with their translations multiplied: poses in a world of another size.
+
+    Parameters
+    ----------
+    transforms, factor : (..., 4, 4); a number.
+
+    Returns
+    -------
+    (..., 4, 4) copies.
+    """
+    result = np.array(transforms)
+    result[..., :3, 3] *= factor
+    return result
+
+
 def rigid_fit(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
     """Rigid transform between two point sets, by least squares (Kabsch 1976, proper rotation).
 

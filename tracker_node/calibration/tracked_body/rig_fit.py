@@ -241,28 +241,20 @@ def settled(
     common_s = float(np.median(late_s))
     cameras = [moved_camera(c, d) for c, d in zip(rig, estimate.cameras, strict=True)]
     found, given_poses = (np.array([c.T_world_cam for c in each]) for each in (cameras, rig))
-    T, shrink = world_of_most(found, given_poses)
-    scale = 1.0 / shrink
+    T, factor = world_of_most(found, given_poses)
+    scale = 1.0 / factor
     if scaled:
-        shrink = 1.0
-        T, _ = world_of_most(found, given_poses, scaled=False)
+        T, factor = world_of_most(found, given_poses, scaled=False)
     result = []
     for camera, given, seconds in zip(cameras, rig, late_s, strict=True):
         offset_ns = given.time_offset_ns + round(1e9 * (seconds - common_s))
-        placed = se3.nearest_rigid(T @ _shrunk(camera.T_world_cam, shrink))
+        placed = se3.nearest_rigid(T @ se3.scaled(camera.T_world_cam, factor))
         result.append(replace(camera, T_world_cam=placed, time_offset_ns=offset_ns))
     states = []
     for state, motion in zip(estimate.states, problem.motions, strict=True):
         moved = state.retract(common_s * motion.velocity)
-        states.append(State(se3.nearest_rigid(T @ _shrunk(moved.T_world_root, shrink)), moved.joint_positions))
+        states.append(State(se3.nearest_rigid(T @ se3.scaled(moved.T_world_root, factor)), moved.joint_positions))
     return CameraRig(tuple(result), rig.world_frame, rig.lights), tuple(states), scale
-
-
-def _shrunk(Ts: np.ndarray, factor: float) -> np.ndarray:
-    """Poses (..., 4, 4) in a world that is smaller by a factor."""
-    result = Ts.copy()
-    result[..., :3, 3] *= factor
-    return result
 
 
 def _settled_sigmas(rig: CameraRig, covariance: np.ndarray, scaled: bool) -> np.ndarray:
@@ -301,7 +293,7 @@ def world_of_most(Ts_world_cam: np.ndarray, given: np.ndarray, scaled: bool = Tr
     middle = given[:, :3, 3].mean(axis=0)
     for _ in range(50):
         H, g = 1e-9 * np.eye(7), np.zeros(7)
-        now = T @ _shrunk(Ts_world_cam, factor)
+        now = T @ se3.scaled(Ts_world_cam, factor)
         for i, (pose, wanted) in enumerate(zip(now, given, strict=True)):
             J = np.zeros((6, 7))  # of (v, omega, logarithm of the factor) about the middle of the cameras
             J[:3, :3], J[:3, 3:6], J[3:, 3:6] = METER_RAD * np.eye(3), -METER_RAD * so3.hat(pose[:3, 3] - middle), np.eye(3)

@@ -8,6 +8,7 @@ Gordon et al. (1989), *1988 Anthropometric Survey of U.S. Army Personnel* (mean 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 SURVEY_STATURE = 1.756  # meters, mean of the men of the 1988 survey
@@ -152,3 +153,9 @@ def mirrored_name(name: str) -> str:
         if name.startswith(side):
             return other + name.removeprefix(side)
     return name
+
+
+def mirrored_rows(names: Sequence[str]) -> tuple[int, ...]:
+    """Where the same point of the other side is among these; its own place of one that has none there."""
+    rows = {name: row for row, name in enumerate(names)}
+    return tuple(rows.get(mirrored_name(name), row) for row, name in enumerate(names))

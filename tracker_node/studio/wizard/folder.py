@@ -67,15 +67,15 @@ def contents_of(folder: Path) -> Contents:
         if place.name in WORLD_FOLDERS
     }
     csv_files = [*_with(folder, (".csv",), folder), *_with(folder / "clicks", (".csv",), folder)]
-    tables = {_name(path, folder): _columns(path) for path in csv_files}
+    tables = {_name(path, folder): _first_line(path) for path in csv_files}
     poses = [*_with(folder / "poses", (".yaml",), folder), *(p for p in (folder / "start.yaml",) if p.is_file())]
     return Contents(
         recordings,
         tuple(name for name, kind in kinds.items() if kind != RIG),
         tuple(name for name, kind in kinds.items() if kind == RIG),
         tuple(_name(path, folder) for path in _with(folder, (".trc",), folder)),
-        tuple(name for name, columns in tables.items() if _CONTROL_POINTS.issubset(columns)),
-        tuple(_name(path, folder) for path in csv_files if tuple(_first_line(path).split(",")[: len(_PLACES)]) == _PLACES),
+        tuple(name for name, line in tables.items() if _CONTROL_POINTS.issubset(_columns(line))),
+        tuple(name for name, line in tables.items() if tuple(line.split(",")[: len(_PLACES)]) == _PLACES),
         {name: images for name, images in boards.items() if images},
         tuple(_name(path, folder) for path in poses),
     )
@@ -121,9 +121,9 @@ def _kind(path: Path) -> str | None:
         return None
 
 
-def _columns(path: Path) -> tuple[str, ...]:
+def _columns(line: str) -> tuple[str, ...]:
     """As a spreadsheet may have written them, so that the command says what it expects where that is not the same."""
-    return tuple(re.split("[,;\t]", _first_line(path).lower().replace(" ", "")))
+    return tuple(re.split("[,;\t]", line.lower().replace(" ", "")))
 
 
 def _first_line(path: Path) -> str:

@@ -56,7 +56,7 @@ class KeypointFitting(Solver):
         for pair, cameras in self.modality.end_on(fit.state):
             tried = [(self._exchanged(start, prior, pair, [i]), [i]) for i in cameras]
             tried.sort(key=_cost_of)
-            several = [i for fit, (i,) in tried[:_MOST_EXCHANGED] if fit.equations.cost < best.equations.cost + _HOPELESS]
+            several = [i for each, (i,) in tried[:_MOST_EXCHANGED] if each.equations.cost < best.equations.cost + _HOPELESS]
             for n in range(2, len(several) + 1):
                 tried += [(self._exchanged(start, prior, pair, chosen), list(chosen)) for chosen in combinations(several, n)]
             other, chosen = min(tried, key=_cost_of)
@@ -67,10 +67,8 @@ class KeypointFitting(Solver):
 
     def _exchanged(self, state: State, prior: Prior, pair: tuple[int, int], cameras: Sequence[int]) -> Fit:
         """A short fit, as if a detector had taken these points for each other."""
-        self.modality.exchange(pair, cameras)
-        fit = self._fitted(state, [Stage(1.0, _SHORT)], prior)
-        self.modality.exchange(pair, cameras)
-        return fit
+        with self.modality.exchanged(pair, cameras):
+            return self._fitted(state, [Stage(1.0, _SHORT)], prior)
 
     def _staged(self, start: State, first: bool, prior: Prior) -> Fit:
         sharpness, options = (_FIRST, _FIRST_SHARP) if first else (_LATER, _SHARP)

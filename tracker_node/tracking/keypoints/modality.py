@@ -8,7 +8,8 @@ Each offset has a Gaussian belief in the axes of its link. What the points of on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 
@@ -25,7 +26,7 @@ from ...model.humans.keypoints import (
     expected_offsets,
     relative_size,
 )
-from ...model.humans.measures import mirrored_name
+from ...model.humans.measures import mirrored_rows
 from ...model.kinematic_chain import N_ROOT_DOF
 from ...objective.keypoints.correspondences import (
     BodyPoints,
@@ -105,8 +106,7 @@ class KeypointModality(Modality):
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: KeypointConfig, table: KeypointTable):
         self._rig, self._model, self._config = rig, model, config
         self.names, points = points_of(model, table, config.offset_scale)
-        twins = [mirrored_name(name) for name in self.names]
-        self.mirrored = np.array([self.names.index(twin) if twin in self.names else k for k, twin in enumerate(twins)])
+        self.mirrored = np.array(mirrored_rows(self.names))
         self._pairs = _trunk_pairs(points, self.mirrored)
         self.offsets = PointOffsets(points, config)
         self._cameras = packed_cameras(rig)
@@ -114,8 +114,6 @@ class KeypointModality(Modality):
         self.looked = False
         self.guesses = DepthGuesses(rig, self.names, points, config)
         self._depths: GuessedDepths | None = None
-        self._guessed: GuessedDepths | None = None  # before sides are exchanged
-        self._exchanged: set[tuple[int, int]] = set()  # cameras and rows
 
     def reset(self) -> None:
         """Offsets are as before anything has been seen."""
@@ -138,8 +136,7 @@ class KeypointModality(Modality):
             observed = self._of(persons)
             if delays is not None:
                 self._brought_together(observed, expected, delays)
-            self._observed, self._guessed, self._exchanged = observed.packed(), self.guesses.of(persons), set()
-            self._depths = self._guessed
+            self._observed, self._depths = observed.packed(), self.guesses.of(persons)
 
     def _of(self, persons: Persons) -> ObservedPoints:
         n, m, config = len(self.names), len(self._rig), self._config
@@ -201,7 +198,7 @@ class KeypointModality(Modality):
         return found
 
     def exchange(self, pair: tuple[int, int], cameras: Sequence[int]) -> None:
-        """Take the points of both sides of the trunk for each other; once more, and they are as before.
+        """Take the points of both sides of the trunk for each other; what is guessed of their depths is nothing, then.
 
         Parameters
         ----------
@@ -212,12 +209,25 @@ class KeypointModality(Modality):
             self._observed = observed = observed.copy()
             rows, columns = list(pair), list(cameras)
             observed[np.ix_(rows, columns)] = observed[np.ix_(rows[::-1], columns)]
-            self._exchanged ^= {(i, row) for i in columns for row in rows}
-            if self._guessed is not None:  # what is guessed of depths is of the sides as the detector has them
-                depths = self._guessed.depths.copy()
-                for i, row in self._exchanged:
-                    depths[i, self._guessed.bones[:, row] != 0.0] = np.nan
-                self._depths = replace(self._guessed, depths=depths)
+            if self._depths is not None:
+                depths = self._depths.depths.copy()
+                depths[np.ix_(columns, (self._depths.bones[:, rows] != 0.0).any(axis=1))] = np.nan
+                self._depths = replace(self._depths, depths=depths)
+
+    @contextmanager
+    def exchanged(self, pair: tuple[int, int], cameras: Sequence[int]) -> Iterator[None]:
+        """`exchange`, until the context ends.
+
+        Parameters
+        ----------
+        pair, cameras : of `end_on`.
+        """
+        before = self._observed, self._depths
+        self.exchange(pair, cameras)
+        try:
+            yield
+        finally:
+            self._observed, self._depths = before
 
     @property
     def has_points(self) -> bool:

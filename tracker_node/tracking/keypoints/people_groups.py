@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from ...camera.rig import CameraRig
-from ...model.humans.measures import mirrored_name
+from ...model.humans.measures import mirrored_rows
 from ...observation.keypoints.people import Person, rearranged
 from ..modality import PeopleSeen
 
@@ -48,7 +48,7 @@ class PersonGroup:
         """The same with left and right exchanged in all cameras, whose points meet as well."""
         names = next(person.names for person in self.persons if person is not None)
         persons = tuple(None if person is None else mirrored(person) for person in self.persons)
-        points = self.points[[names.index(mirrored_name(name)) for name in names]]
+        points = self.points[list(_exchanged(names))]
         return replace(self, persons=persons, points=points, n_exchanged=self.count - self.n_exchanged)
 
 
@@ -60,7 +60,7 @@ def mirrored(person: Person) -> Person:
 @lru_cache(maxsize=16)
 def _exchanged(names: tuple[str, ...]) -> tuple[int, ...]:
     """Rows of the other sides."""
-    return tuple(names.index(mirrored_name(name)) for name in names)
+    return mirrored_rows(names)
 
 
 def grouped(rig: CameraRig, people: PeopleSeen) -> list[PersonGroup]:
