@@ -7,16 +7,20 @@ import pytest
 
 from helpers.bodies.detected_people import HUMAN, NAMES, posed, seen_by, without
 from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.camera.rig import CameraRig
+from tracker_node.model.configuration import Configuration, Neighbor
 from tracker_node.model.humans.keypoints import BLAZEPOSE
 from tracker_node.objective.keypoints.correspondences import KeypointCorrespondences
+from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.keypoints.people import Person
 from tracker_node.tracking.config import KeypointConfig
-from tracker_node.tracking.keypoints.evidence import lost_odds, showing
+from tracker_node.tracking.keypoints.evidence import lost_odds, shares_found
 from tracker_node.tracking.keypoints.modality import KeypointModality
 from tracker_node.tracking.limbs.tree import limbs_of
 
 RIG, TRUE = circle_rig(3), posed(4)
 LIMBS = limbs_of(HUMAN)
+SOMEBODY = Neighbor(Configuration(HUMAN, TRUE), np.zeros(len(HUMAN.shapes), dtype=int), (None,) * len(RIG))
 CONFIG = KeypointConfig(sigma_fraction=0.02, offset_scale=1e-3)  # offsets are known: what is off is off
 
 
@@ -53,13 +57,32 @@ def ratio(person: Person, square: float, score: float, body_px: float = 200.0) -
     return np.log((away + outlier) / (np.exp(-0.5 * square) + outlier))
 
 
+def shares(people: list, rig: CameraRig = RIG, others: tuple[Neighbor, ...] = (), looked: bool = True) -> list[float]:
+    """Of the body's points; where ``people`` has None a detector has looked and found nobody, or not ``looked``."""
+    blank = np.zeros((480, 640, 3), dtype=np.uint8)
+    found = [() if person is None and looked else person and (person,) for person in people]
+    images = tuple(CameraImage(name, 1, blank, people=who) for name, who in zip(rig.names, found, strict=True))
+    return np.round(shares_found(compared(people), TRUE, rig, ImageSet(1, images, neighbors=others)), 2).tolist()
+
+
 def test_a_camera_shows_the_body_by_sure_points_that_are_where_it_is():
     people = seen_by(RIG, TRUE)
     guessed = replace(people[1], scores=np.full(len(NAMES), 0.3))
     elsewhere = replace(people[2], pixels=people[2].pixels + 60.0)
-    assert showing(compared(people), TRUE).tolist() == [True, True, True]
-    assert showing(compared([people[0], guessed, elsewhere]), TRUE).tolist() == [True, False, False]
-    assert showing(compared([people[0], None, people[2]]), TRUE).tolist() == [True, False, True]
+    assert min(shares(people)) > 0.9
+    first, second, third = shares([people[0], guessed, elsewhere])
+    assert first > 0.9 and 0.2 < second < 0.4 and third < 0.1
+
+
+def test_a_camera_that_should_show_the_body_and_does_not_has_a_share_of_nothing():
+    """Unless nobody has looked, it is out of the image, or others stand before it."""
+    first, _, third = seen_by(RIG, TRUE)
+    assert shares([first, None, third])[1] == 0.0
+    assert np.isnan(shares([first, None, third], looked=False)[1])
+    camera = RIG.cameras[1]
+    away = replace(camera, T_world_cam=camera.T_world_cam @ np.diag([-1.0, 1.0, -1.0, 1.0]))
+    assert np.isnan(shares([first, None, third], replace(RIG, cameras=(RIG.cameras[0], away, RIG.cameras[2])))[1])
+    assert np.isnan(shares([first, None, third], others=(SOMEBODY,))[1])
 
 
 def test_limbs_whose_points_are_in_place_are_not_lost():

@@ -27,7 +27,7 @@ _CHANCE = 3.0  # support wherever a body is put
 _PROVED = 0.45  # of what is usual of the others: a camera that has so much has shown the body at some time
 _BLIND, _WEAK = 0.3, 0.9  # shares of what is usual, below which a camera shows nothing of the body, or less than it did
 _BLURRED, _NOISIER, _NOISE_LEVELS = 0.5, 3.0, 5.0  # of sharpness; of noise, and gray levels more
-_SHOWN_NS = 1_000_000_000  # since a detector has found the body in a camera, for which that counts: it may look now and then
+_SHOWN, _SHOWN_NS = 0.5, 1_000_000_000  # share of its points, by which a detector finds a body; how long that counts, or a miss
 _NAMED_SETS = 3  # in a row, from which on a camera is named, and left out if it is blind...
 _AGAIN_SETS = 10  # ...but for one set of so many, in which it may show the body again
 
@@ -70,7 +70,8 @@ class _Picture:
 @dataclass(eq=False)
 class _View:
     """What one camera shows: its ``usual`` support, nan at first; what is the matter with it, for how many sets, since when, and
-    its last share of what is usual; the stamp of the set in which a detector has found the body there, while it does."""
+    its last share of what is usual; the stamp of the set in which a detector has found the body there, while it does, and of that
+    since which it misses it, where it finds it in others."""
 
     usual: float = math.nan
     picture: _Picture = field(default_factory=_Picture)
@@ -79,6 +80,7 @@ class _View:
     since_ns: int = 0
     share: float = math.nan
     shown_ns: int = -(2**62)
+    missed_ns: int = 2**62
 
     def take(self, kind: str | None, stamp_ns: int, support: float, share: float, tells: bool) -> None:
         """Take in one set, of which it is known what is the matter; ``tells``: its support is worth to be remembered."""
@@ -96,6 +98,24 @@ class _View:
     @property
     def is_named(self) -> bool:
         return self.kind is not None and self.sets >= _NAMED_SETS
+
+    def show(self, share: float, stamp_ns: int, by_others: bool) -> None:
+        """Take in what a detector finds of the body, nan: there is nothing to say; ``by_others``: it is found in others."""
+        there = share >= _SHOWN
+        self.shown_ns = stamp_ns if there else -(2**62)
+        if share > 0.0:
+            self.missed_ns = 2**62
+        elif share == 0.0 and by_others:
+            self.missed_ns = min(self.missed_ns, stamp_ns)
+        if there and self.kind == BLIND:
+            self.kind, self.sets = None, 0
+
+    def fault(self, name: str, stamp_ns: int) -> CameraFault | None:
+        """What is the matter with the camera of that name, if it is to be named."""
+        if self.kind is not None and self.is_named:
+            return CameraFault(name, self.kind, self.share, 0.0, self.since_ns)
+        missed = stamp_ns - self.missed_ns >= _SHOWN_NS
+        return CameraFault(name, BLIND, 0.0, 0.0, self.missed_ns) if missed else None
 
     @property
     def is_left_out(self) -> bool:
@@ -143,13 +163,13 @@ class BlindedCameras:
         stamp_ns : of the set.
         images : pixels per camera of the rig, None where the set has none.
         support : (n_cameras,) log-likelihood ratio per sample of the outline; nan where a camera should not see any.
-        shown : (n_cameras,) bool of those in which a detector finds the body, which are not blind for a second, however clothes
-            blend with a wall; None: none has looked.
+        shown : (n_cameras,) of `keypoints.evidence.shares_found`: a camera in which a detector finds the body is not blind for a
+            second, however clothes blend with a wall; one in which it has found nothing for a second is. None: it finds nothing.
         """
-        for view, there in zip(self._views, () if shown is None else shown, strict=shown is not None):
-            view.shown_ns = stamp_ns if there else -(2**62)
-            if there and view.kind == BLIND:
-                view.kind, view.sets = None, 0
+        if shown is not None:
+            by_others = int((shown >= _SHOWN).sum()) >= 2
+            for view, share in zip(self._views, shown.tolist(), strict=True):
+                view.show(share, stamp_ns, by_others)
         if stamp_ns <= self._latest_ns:
             return
         self._latest_ns = stamp_ns
@@ -164,10 +184,8 @@ class BlindedCameras:
                 is_shown = stamp_ns - view.shown_ns <= _SHOWN_NS
                 kind = BLIND if blind and not is_shown else _kind(view.picture, share)
                 view.take(kind, stamp_ns, found[i], share, tells=not blind)
-        self.faults = tuple(
-            CameraFault(name, view.kind, view.share, 0.0, view.since_ns)
-            for name, view in zip(self._names, self._views, strict=True) if view.kind is not None and view.is_named
-        )  # fmt: skip
+        faults = (view.fault(name, stamp_ns) for name, view in zip(self._names, self._views, strict=True))
+        self.faults = tuple(fault for fault in faults if fault is not None)
 
     def _look_at_pictures(self, images: Sequence[np.ndarray | None]) -> None:
         """One camera a set, in turn, and those that something is the matter with: it costs as much as a good line."""

@@ -1,4 +1,4 @@
-"""Whether a limb is where a fit has it, by the points that a detector has found on it; and which cameras show the body."""
+"""Whether a limb is where a fit has it, by the points that a detector has found on it; and how much of a body cameras show."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...camera.rig import CameraRig
 from ...model.configuration import State
 from ...objective.keypoints.correspondences import KeypointCorrespondences
 from ...objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, SCORE
+from ...observation.image_set import ImageSet
 from ..limbs.tree import Limb
 
 _ELSEWHERE_PX2 = 55.0**2  # mean square of how far a point of a lost limb is off, in pixels, on a body of `_BODY_PX`
@@ -17,7 +19,7 @@ _CORRELATION = 1.5  # how many cameras share one error
 _LEAST_SCORE, _LEAST_OF_ONE = 1.0, 0.5  # of a point that says anything: over all cameras, or of a camera alone
 _SURE = 0.6  # score of a point in a camera that sees it, and does not guess where it is behind something
 _LIMIT = 6.0  # log odds of one point
-_MOST = 0.5  # of a body's points, that a camera shows it by: those that are where it is, by their scores
+_MOST = 0.8  # of a body's points, which are in an image that should show it
 _OF_ONE_CAMERA = -1.5  # the least that points of one camera say: not lost in its image, but too little to confirm a depth
 
 
@@ -64,17 +66,27 @@ def lost_odds(points: KeypointCorrespondences, state: State, limbs: Sequence[Lim
     return result
 
 
-def showing(points: KeypointCorrespondences, state: State) -> np.ndarray:
-    """Cameras in which a detector surely finds most of a body where it is.
+def shares_found(points: KeypointCorrespondences, state: State, rig: CameraRig, image_set: ImageSet) -> np.ndarray:
+    """How much of a body a detector surely finds where it is, in each camera.
 
     Parameters
     ----------
     points : of the present set.
     state : of the body.
+    rig : cameras.
+    image_set : whose people say where the detector has looked.
 
     Returns
     -------
-    (n_cameras,) bool.
+    (n_cameras,) shares of the body's points, by their scores; nan where it finds none and has not looked, where many of them are
+    out of the image, or where others may hide the body.
     """
     agree = np.maximum(points.at(state).weights, 0.0) * points.observed[:, :, SCORE]
-    return agree.sum(axis=0) >= _MOST * len(points.body)
+    shares, places = agree.mean(axis=0), points.body.places(state)
+    for i in np.flatnonzero(shares == 0.0):
+        camera, image = rig.cameras[i], image_set.get(rig.names[i])
+        pixels, before = camera.project(places)
+        expected = (before & camera.model.in_image(pixels)).mean() > _MOST
+        if image is None or image.people is None or image_set.neighbors or not expected:
+            shares[i] = np.nan
+    return shares

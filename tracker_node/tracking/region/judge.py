@@ -29,7 +29,7 @@ from ..assessment import Assessment, Report, assess_cameras, camera_reports
 from ..config import RegionConfig, TrackerConfig
 from ..engine import Judge
 from ..estimate import Status
-from ..keypoints.evidence import lost_odds, showing
+from ..keypoints.evidence import lost_odds, shares_found
 from ..limbs.judge import LimbJudge, body_status, is_noise
 from ..uncertainty.covariance import ImageEvidence, fit_covariance
 from ..uncertainty.modes import turn_sigma
@@ -106,7 +106,7 @@ class RegionJudge(Judge):
             status, reason, noise=is_noise(evidence) and by_points is None, jumped=fit.jumped, limbs=reports,
             dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
             log_ratio=_log_ratio(evidence), support=_support(evidence),
-            shown=None if points is None else showing(points, fit.state), doubt_rad=doubt_rad,
+            shown=None if points is None else shares_found(points, fit.state, self._rig, image_set), doubt_rad=doubt_rad,
         )  # fmt: skip
 
     def _is_common(self, shapes: np.ndarray) -> bool:
