@@ -107,7 +107,7 @@ def test_a_camera_that_is_over_before_is_read_from_its_own_beginning(tmp_path):
     source = doctor_recording._opened(camera)
     period_ns = source.stamp_ns(1) - source.stamp_ns(0)
     for later, read in ((0, 4), (2, 2), (3, 1), (4, 4), (9, 4)):
-        found = doctor_recording._recorded("cam01", source, 4.0, source.stamp_ns(0) + later * period_ns)
+        found = doctor_recording._recorded("cam01", source, 4.0, source.stamp_ns(0) + later * period_ns, None)
         assert (len(found), found.n_expected) == (read, read)
         source = doctor_recording._opened(camera)
 

@@ -18,7 +18,7 @@ from tracker_node.geometry import se3, so3
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
-from tracker_node.model.kinematic_chain import KinematicChain
+from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.runs.data import RunData, RunDetails
 from tracker_node.runs.load import load_run
@@ -213,3 +213,18 @@ def test_which_files_hold_states(tmp_path):
 def test_lost_rows_of_the_truth_do_not_count(tmp_path):
     truth = load_true_states(states_file(tmp_path / "truth.csv", motion(4), "LOST"))
     assert not truth.valid.any() and truth.states(motion(2).model) == (None,) * 4
+
+
+def test_errors_of_joints_that_slide_are_millimeters(tmp_path):
+    """A lift that is 2 mm off, beside a turn that is 1 degree off; it has no full turns to be without."""
+    axes = (Axis("turn", (0.0, 0.0, 1.0)), Axis("lift", (0.0, 0.0, 1.0), -9.0, 9.0, prismatic=True))
+    chain = KinematicChain(("base", "arm"), (Joint("arm", "base", "arm", np.eye(4), axes),))
+    model = ArticulatedModel("lift", chain, tuple(Shape(link, link, Box((0.2, 0.1, 0.3))) for link in chain.links), ())
+    stamps = np.arange(4, dtype=np.int64) * PERIOD_NS
+    truth = Motion(model, stamps, tuple(State(np.eye(4), np.array([0.1 * i, 7.0 - 0.1 * i])) for i in range(4)))
+    off = np.array([np.radians(1.0), 0.002])
+    run = run_of(tmp_path, moved(truth, lambda i, s: State(s.T_world_root, s.joint_positions + off)))
+    true = load_true_states(states_file(tmp_path / "t.csv", truth))
+    figures = review(run, model, Truth(states=true), EvaluationOptions("x", 0.0)).metrics()
+    assert figures["x.dof_rms.lift_mm"] == pytest.approx(2.0) and figures["x.dof_rms.turn_deg"] == pytest.approx(1.0)
+    assert figures["x.joint_angle_deg"] == pytest.approx(1.0)

@@ -6,7 +6,7 @@ camera was moved, repeated ones and cameras of the wrong size have no part in th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..camera.rig import Camera, CameraRig, wrong_unit
 from ..geometry import se3
 from .geometry import Correction, Diagnosis, diagnose
 from .motion import common_grid, motion_on_grid
+from .people import Comparison, Turn, common_joints, compared
 from .recording import CameraRecording
 from .setup import FAULTS, Finding, Setup
 from .video import rate_problems, size_problems, source_problems, video_problems
@@ -71,6 +72,10 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
     findings += rate_problems([recordings[name] for name in usable], usable)
     unit_findings, cameras = _units(cameras)
     findings += unit_findings
+    seen = _compared(cameras, recordings, findings)
+    if seen is not None and seen.turn is not None:
+        findings.append(_turned(seen.turn))
+        cameras = [seen.rig[camera.name] if camera.name in seen.rig.names else camera for camera in cameras]
     setup = diagnosis = None
     grid = np.zeros(0, dtype=np.int64)
     moving = [camera for camera in cameras if usable[camera.name].sum() > 1]
@@ -79,13 +84,22 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
         if len(grid) > 1:
             motions = {c.name: motion_on_grid(recordings[c.name], grid, usable[c.name]) for c in moving}
             setup = Setup.of(moving, motions)
-            diagnosis = diagnose(setup, 1e-9 * float(grid[1] - grid[0]))
+            settled = frozenset(seen.rig.names if seen is not None and seen.sound else ())
+            diagnosis = diagnose(setup, 1e-9 * float(grid[1] - grid[0]), settled)
             findings += [_told(correction, rig, len(moving)) for correction in diagnosis.corrections]
             notes += _agreement_notes(diagnosis)
     if diagnosis is None:
         notes.append(f"{_NOT_CHECKED}: fewer than two of them have images at the same time.")
     order = list(FAULTS)
     return Examination(tuple(sorted(findings, key=lambda f: order.index(f.fault))), tuple(notes), grid, setup, diagnosis)
+
+
+def _compared(
+    cameras: Sequence[Camera], recordings: Mapping[str, CameraRecording], findings: Sequence[Finding]
+) -> Comparison | None:
+    """What people's joints say; None where there are none, or a camera was moved while it saw them."""
+    joints = None if any(finding.fault == "moved" for finding in findings) else common_joints(cameras, recordings)
+    return None if joints is None else compared(*joints)
 
 
 def _units(cameras: list[Camera]) -> tuple[list[Finding], list[Camera]]:
@@ -133,6 +147,18 @@ def _told(correction: Correction, rig: CameraRig, n_compared: int) -> Finding:
     if n_compared == 2 and len(correction.cameras) == 1:
         sentence += " With two cameras it may as well be the other that is wrong."
     return Finding(fault, correction.cameras, sentence, values)
+
+
+def _turned(turn: Turn) -> Finding:
+    sentence = (
+        f"{turn.camera}: does not look where the rig has it: turned by about {turn.turned_deg:.1f} degrees it has people's joints"
+        f" where the other cameras have them ({turn.before_px:.1f} px off, then {turn.after_px:.1f})."
+    )
+    if turn.rivals:
+        sentence += f" It may as well be {' or '.join(turn.rivals)}."
+    sentence += " Refine the cameras' places, or calibrate them again. A clock that is hundredths of a second late looks alike."
+    values = {"turned_deg": turn.turned_deg, "share": turn.share, "before_px": turn.before_px, "after_px": turn.after_px}
+    return Finding("place", (turn.camera,), sentence, values)
 
 
 def _clock_sentence(correction: Correction, rig: CameraRig, every: str) -> str:

@@ -60,13 +60,14 @@ class Diagnosis:
     setup: Setup
 
 
-def diagnose(setup: Setup, period_s: float) -> Diagnosis:
+def diagnose(setup: Setup, period_s: float, settled: frozenset[str] = frozenset()) -> Diagnosis:
     """Search up to three corrections, each after the one before.
 
     Parameters
     ----------
     setup : cameras, and what moves in their images.
     period_s : time from time step to time step of the motions.
+    settled : cameras that are known to look where they should, more exactly than by motion: only their clocks are corrected.
 
     Returns
     -------
@@ -75,7 +76,7 @@ def diagnose(setup: Setup, period_s: float) -> Diagnosis:
     before = agreements(setup.cameras, setup.motions)
     corrections: list[Correction] = []
     while len(corrections) < _MANY_ROUNDS:
-        best = _best_repair(setup, period_s)
+        best = _best_repair(setup, period_s, settled)
         if best is None:
             break
         corrections.append(best)
@@ -83,11 +84,12 @@ def diagnose(setup: Setup, period_s: float) -> Diagnosis:
     return Diagnosis(tuple(corrections), before, agreements(setup.cameras, setup.motions), setup)
 
 
-def _best_repair(setup: Setup, period_s: float) -> Correction | None:
+def _best_repair(setup: Setup, period_s: float, settled: frozenset[str]) -> Correction | None:
     base = agreements(setup.cameras, setup.motions)
     if len(setup.cameras) < 2 or not np.isfinite(base).any():
         return None
-    known = [r for r in [*_exchanges(setup, base), *_fits(setup, period_s)] if r.gain > LEAST_GAIN]
+    found = (r for r in (*_exchanges(setup, base), *_fits(setup, period_s, settled)) if r.gain > LEAST_GAIN)
+    known = [r for r in found if r.kind == "clock" or not settled.intersection(r.cameras or settled)]
     return max(known, key=lambda correction: correction.gain, default=None)
 
 
@@ -136,13 +138,14 @@ def _placed(camera: Camera, turn: np.ndarray) -> Camera:
     return replace(camera, T_world_cam=camera.T_world_cam @ turn)
 
 
-def _fits(setup: Setup, period_s: float) -> Iterator[Correction]:
+def _fits(setup: Setup, period_s: float, settled: frozenset[str]) -> Iterator[Correction]:
     for index in range(len(setup.cameras)):
         base = setup.agreement_of(index)
         if np.isfinite(base):
             yield from _clock(setup, index, base, period_s)
-            yield from _focal_length(setup, index)
-            yield from _place(setup, index)
+            if setup.cameras[index].name not in settled:
+                yield from _focal_length(setup, index)
+                yield from _place(setup, index)
 
 
 def _clock(setup: Setup, index: int, base: float, period_s: float) -> Iterator[Correction]:

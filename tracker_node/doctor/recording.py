@@ -19,6 +19,8 @@ from ..errors import SourceError, TrackerError, UnknownNameError
 from ..loaders.bag.metadata import STORAGE_SUFFIXES
 from ..loaders.images.source import ImageSource, open_camera_source_of_any_size
 from ..observation.deinterlace import comb_ratio
+from ..observation.keypoints.people import People
+from ..runs.people.detection import Detector
 
 SMALL_PX = 320  # longer side of the small copies
 _VIEW_PX = 960  # longer side of the images in which the background is matched
@@ -27,6 +29,7 @@ _COMB_PAIRS = 24  # successive images that are examined for a comb
 _LEAST_MATCHES = 25
 _INLIER_PX = 3.0  # of the images in which the background is matched
 _LEAST_SHARE = 0.35  # of the matches that must agree on how the view has moved
+_LOOKS = 24  # images of a camera in which people are looked for
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,14 @@ class ViewShift:
 
     index: int
     px: float
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Whom a detector has found in the image of a stamp."""
+
+    stamp_ns: int
+    people: People
 
 
 @dataclass(eq=False)
@@ -50,6 +61,8 @@ class CameraRecording:
     view_shifts : how the background has moved, now and then.
     shown : the image in the middle of those seen so far, BGR, for the report (its index is ``shown_index``).
     problems, notes : what went wrong while reading, and what is unusual about the source, one sentence each.
+    detector : looks for people in some of the images; None: nobody does.
+    looks : what it has found.
     """
 
     name: str
@@ -65,6 +78,8 @@ class CameraRecording:
     shown_index: int = 0
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    detector: Detector | None = None
+    looks: list[Look] = field(default_factory=list)
 
     def __post_init__(self):
         self._before: np.ndarray | None = None
@@ -96,6 +111,13 @@ class CameraRecording:
         if self.shown is None or index == self.n_expected // 2:
             self.shown, self.shown_index = bgr, index
         self._before = bgr
+        if self.detector is not None and stamp_ns >= self._next_look_ns:
+            self.looks.append(Look(stamp_ns, self.detector.detect(np.ascontiguousarray(bgr))))
+
+    @property
+    def _next_look_ns(self) -> float:
+        """Half an image before the next of `_LOOKS` times: the nearest image is looked at."""
+        return self.stamps_ns[0] + 1e9 / self.rate_hz * (len(self.looks) * self.n_expected / _LOOKS - 0.5)
 
     def _look_at_background(self, index: int, gray: np.ndarray) -> None:
         if index % max(1, round(_VIEW_EVERY_S * self.rate_hz)) and index != self.n_expected - 1:
@@ -227,7 +249,8 @@ def with_inputs(rig: CameraRig, inputs: Sequence[str]) -> CameraRig:
 
 
 def record(
-    rig: CameraRig, seconds: float = DEFAULT_SECONDS, progress: Callable[[str], None] = lambda camera: None
+    rig: CameraRig, seconds: float = DEFAULT_SECONDS, progress: Callable[[str], None] = lambda camera: None,
+    detector: Detector | None = None,
 ) -> dict[str, CameraRecording]:
     """Read the first images of every camera, from the moment on at which the last of them begins.
 
@@ -239,6 +262,7 @@ def record(
     rig : cameras with sources.
     seconds : how much is read.
     progress : called with the name of each camera before it is read.
+    detector : looks for people in some of the images; None: nobody does.
 
     Returns
     -------
@@ -250,7 +274,7 @@ def record(
     for name, source in opened.items():
         progress(name)
         if isinstance(source, ImageSource):
-            recordings[name] = _recorded(name, source, seconds, first_ns)
+            recordings[name] = _recorded(name, source, seconds, first_ns, detector)
         else:
             recordings[name] = CameraRecording(name, 0, 1.0, problems=[str(source)])
     return recordings
@@ -266,12 +290,12 @@ def _opened(camera: Camera) -> ImageSource | TrackerError:
         return error
 
 
-def _recorded(name: str, source: ImageSource, seconds: float, first_ns: int) -> CameraRecording:
+def _recorded(name: str, source: ImageSource, seconds: float, first_ns: int, detector: Detector | None) -> CameraRecording:
     early = round(1e-9 * (first_ns - source.stamp_ns(source.options.start)) * source.rate_hz)
     if early >= source.n_images:  # over before the others begin
         early, first_ns = 0, source.stamp_ns(source.options.start)
     n = min(source.n_images - early, max(2, round(seconds * source.rate_hz)))
-    recording = CameraRecording(name, n, source.rate_hz, notes=[source.note] if source.note else [])
+    recording = CameraRecording(name, n, source.rate_hz, notes=[source.note] if source.note else [], detector=detector)
     try:
         for stamp_ns, bgr in islice(dropwhile(lambda image: image[0] < first_ns, source), n):
             recording.add(stamp_ns, bgr)

@@ -290,12 +290,12 @@ def state_errors(run: RunData, model: ArticulatedModel, truth: TrueStates) -> St
     if set(ROOT_NAMES) <= set(truth.names):
         root = [truth.names.index(name) for name in ROOT_NAMES]
         near = [row[root] if ok else None for row, ok in zip(truth.values, np.all(truth.valid[:, root], axis=1), strict=True)]
-    scale = np.array([1e3 if name in "xyz" else np.degrees(1.0) for name in order])
+    turns = np.array([name not in "xyz" and name not in model.chain.slides for name in order])
+    scale = np.where(turns, np.degrees(1.0), 1e3)
     tracked, true = unwrapped(run.values, near)[:, mine] * scale, truth.values[:, theirs] * scale
     valid = truth.valid[:, theirs] & run.has_state[:, None]
-    turns = np.array([name not in "xyz" for name in order])
     tracked -= np.where(turns, _WHOLE_TURN * np.round((tracked - true) / _WHOLE_TURN), 0.0) * valid
-    units = tuple("mm" if name in "xyz" else "deg" for name in order)
+    units = tuple("deg" if turn else "mm" for turn in turns)
     return StateErrors(tuple(ROWS.get(name, name) for name in order), units, tracked, true, valid)
 
 

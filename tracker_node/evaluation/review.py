@@ -246,7 +246,8 @@ class Review:
                 raw, free = self.states.spreads(k)
                 metrics |= {f"dof_rms.{name}_{unit}": raw.rms, f"dof_max.{name}_{unit}": raw.max}
                 metrics[f"dof_offset_free_rms.{name}_{unit}"] = free.rms
-            angles = [k for k, name in enumerate(self.states.names) if name not in ROWS.values()]
+            of_joints = enumerate(zip(self.states.names, self.states.units, strict=True))
+            angles = [k for k, (name, unit) in of_joints if name not in ROWS.values() and unit == "deg"]
             metrics["joint_angle_deg"] = spread_of(self.states.errors[:, angles], self.states.valid[:, angles]).mean
         if self.segments is not None:
             ok = self.segments.valid

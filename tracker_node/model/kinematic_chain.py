@@ -263,6 +263,11 @@ class KinematicChain:
             raise UnknownNameError("link", name, self.links)
         return self.links.index(name)
 
+    @property
+    def slides(self) -> frozenset[str]:
+        """Names of the axes along which links slide: their positions are meters."""
+        return frozenset(axis.name for axis in self.axes if axis.prismatic)
+
     def axis_index(self, name: str) -> int:
         """Index into the joint positions of the axis ``name``."""
         for i, axis in enumerate(self.axes):

@@ -12,6 +12,7 @@ from ..compiled.ahead import compile_ahead, show_progress
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
+from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import CameraImage, ImageSet
 from ..render.raycast.raycaster import render_view
 from .config import REGION, InitializationConfig, TrackerConfig
@@ -28,6 +29,7 @@ def warm_up(
     config: TrackerConfig,
     state: State | None = None,
     occluders: ArticulatedModel | None = None,
+    keypoints: KeypointTable | None = None,
 ) -> None:
     """Track a drawn body in small images with a tracker of this kind, and forget it.
 
@@ -39,6 +41,7 @@ def warm_up(
     rig, model, config : cameras, body and parameters of the tracker.
     state : where the body is; None: it is searched, too.
     occluders : what may stand before the body.
+    keypoints : as for the `Tracker`.
 
     Raises
     ------
@@ -49,10 +52,10 @@ def warm_up(
     small = _small_rig(rig)
     configuration = Configuration(model, state or _in_the_middle(rig, model))
     brief = _brief(config)
-    _track(Tracker(small, model, brief, _backgrounds(small), configuration.state, occluders), configuration)
+    _track(Tracker(small, model, brief, _backgrounds(small), configuration.state, occluders, keypoints), configuration)
     if state is None and config.initialization.enabled:
         searching = replace(brief, initialization=_brief_search(config.initialization))
-        _track(Tracker(small, model, searching, _backgrounds(small), None, occluders), configuration)
+        _track(Tracker(small, model, searching, _backgrounds(small), None, occluders, keypoints), configuration)
 
 
 class SmallTrackers:
@@ -62,10 +65,13 @@ class SmallTrackers:
     ----------
     rig, model : of the trackers.
     with_background : names of cameras with an image of the empty scene.
+    keypoints : as for the `Tracker`.
     """
 
-    def __init__(self, rig: CameraRig, model: ArticulatedModel, with_background: Sequence[str]):
-        self._rig, self._model = _small_rig(rig), model
+    def __init__(
+        self, rig: CameraRig, model: ArticulatedModel, with_background: Sequence[str], keypoints: KeypointTable | None = None
+    ):
+        self._rig, self._model, self._keypoints = _small_rig(rig), model, keypoints
         backgrounds = _backgrounds(self._rig)
         self._backgrounds = {name: backgrounds[name] for name in with_background}
 
@@ -82,7 +88,7 @@ class SmallTrackers:
         """
         backgrounds = {name: image for name, image in self._backgrounds.items() if name in cameras}
         without_search = replace(config, initialization=replace(config.initialization, enabled=False))
-        Tracker(self._rig.subset(tuple(cameras)), self._model, without_search, backgrounds)
+        Tracker(self._rig.subset(tuple(cameras)), self._model, without_search, backgrounds, keypoints=self._keypoints)
 
 
 def _track(tracker: Tracker, configuration: Configuration) -> None:

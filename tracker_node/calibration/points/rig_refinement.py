@@ -132,11 +132,11 @@ def load_joints(path: str | Path, rig: CameraRig) -> np.ndarray:
             raise UnknownNameError("2D points for camera", camera.name, points)
     found = [points[files[camera.name]].for_images(camera.model.width, camera.model.height) for camera in rig]
     images = sorted(set().union(*found))
-    return collect_joints(rig, [[_values(people.get(image, ())) for image in images] for people in found])
+    return collect_joints(rig, [[people_table(people.get(image, ())) for image in images] for people in found])
 
 
-def _values(people: People) -> np.ndarray:
-    """(n_people, n_joints, 3)."""
+def people_table(people: People) -> np.ndarray:
+    """(n_people, n_joints, 3) u, v, confidence."""
     if not people:
         return np.zeros((0, 0, 3))
     return np.array([np.column_stack([person.pixels, person.scores]) for person in people])

@@ -37,8 +37,9 @@ def _run_check(args: argparse.Namespace) -> int:
     from ...doctor.diagnosis import examine
     from ...doctor.recording import record, with_inputs
     from ...doctor.report import JSON, write_examination
-    from ...errors import SourceError
+    from ...errors import SourceError, TrackerError
     from ...loaders.rig.rig_yaml import load_rig
+    from ...runs.people.detection import DetectionOptions, detectors_of
 
     if not 0.0 < args.seconds <= 600.0:
         raise SourceError("--seconds", f"expected a number in (0, 600], got {args.seconds:g}")
@@ -48,7 +49,12 @@ def _run_check(args: argparse.Namespace) -> int:
     output = Path(args.output)
     if output.is_dir() and any(output.iterdir()) and not (output / JSON).exists():
         raise SourceError(args.output, f"holds other files (and no {JSON} of an earlier check), which are not overwritten")
-    recordings = record(rig, args.seconds, lambda camera: print(f"looking at the images of {camera}", file=sys.stderr))
+    try:
+        (detector,) = detectors_of(DetectionOptions())
+    except TrackerError as error:
+        detector = None
+        print(f"cameras are not compared by people: {error}", file=sys.stderr)
+    recordings = record(rig, args.seconds, lambda camera: print(f"looking at the images of {camera}", file=sys.stderr), detector)
     print("comparing the cameras", file=sys.stderr, flush=True)
     examination = examine(rig, recordings)
     page = write_examination(args.output, rig, recordings, examination)

@@ -250,7 +250,7 @@ def _dof_curves(review: Review, color: str) -> Iterator[Curve]:
     if states is not None:
         shown = {key: states.names.index(ROWS.get(key, key)) for key in names if ROWS.get(key, key) in states.names}
     for k, name in enumerate(names):
-        length = name in ROOT_NAMES[:3]
+        length = name in ROOT_NAMES[:3] or name in review.model.chain.slides
         y = review.variables[:, k] * (1e3 if length else np.degrees(1.0))
         lines = []
         if states is not None and name in shown:

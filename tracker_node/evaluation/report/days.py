@@ -175,9 +175,10 @@ def _ranges(days: Sequence[Day]) -> list[_Measure]:
         if (m := r.joint_motion)
         for name, unit in zip(m.names, m.units, strict=True)
     }
+    shown = {name: ("deg", "°", 1.0) if units[name] == "deg" else ("mm", "mm", 1e3) for name in names}
     return [
-        (f"range_{name}_{units[name]}", name.replace("_", " "), "°" if units[name] == "deg" else "m", 1,
-         [_joined([found.get(name, np.zeros(0))]) for found in of]) for name in names
+        (f"range_{name}_{shown[name][0]}", name.replace("_", " "), shown[name][1], 1,
+         [shown[name][2] * _joined([found.get(name, np.zeros(0))]) for found in of]) for name in names
     ]  # fmt: skip
 
 

@@ -104,8 +104,9 @@ def range_tables(review: Review) -> list[Table]:
             rows: list[list[Value]] = []
             for name in names:
                 own = [f"{side}_{name}" if side else name for side in sides]
-                unit = " [m]" if found.units[found.names.index(own[0])] == "m" else ""
-                rows.append([name.replace("_", " ") + unit, *_range_row([of[each] for each in own], measures, walks)])
+                slides = found.units[found.names.index(own[0])] == "m"
+                unit, factor = (f" [mm{per}]", 1e3) if slides else ("", 1.0)
+                rows.append([name.replace("_", " ") + unit, *_range_row([of[each] for each in own], measures, walks, factor)])
             if rows:
                 said = note if not made else ""
                 said += f" Symmetry: {_SYMMETRY}." if len(sides) == 2 and not per else ""
@@ -119,13 +120,13 @@ def _other_side(name: str) -> str:
     return f"{SIDES[side == SIDES[0]]}_{without_side(name)}" if side else name
 
 
-def _range_row(both: Sequence[Ranges], measures: Sequence[tuple[str, str]], walks: bool) -> list[Value]:
-    """Means of one side, or of both; SD and symmetry of the last measure."""
+def _range_row(both: Sequence[Ranges], measures: Sequence[tuple[str, str]], walks: bool, factor: float) -> list[Value]:
+    """Means of one side, or of both, times a factor; SD and symmetry of the last measure."""
     row: list[Value] = []
     last = measures[-1][1]
     for one in both:
-        row += [_mean(getattr(one, what)) for _, what in measures]
-        row += [_sd(getattr(one, last))] if walks else []
+        row += [factor * _mean(getattr(one, what)) for _, what in measures]
+        row += [factor * _sd(getattr(one, last))] if walks else []
     if len(both) == 2:
         row.append(symmetry_index(_mean(getattr(both[0], last)), _mean(getattr(both[1], last))))
     return row

@@ -149,7 +149,7 @@ class TrackerMaker:
         if options.make_tracker is not None or self._prepared == config:
             return
         rig = options.rig.subset(cameras)
-        warm_up(rig, options.model, config, options.initial_state, options.occluders)
+        warm_up(rig, options.model, config, options.initial_state, options.occluders, options.keypoints)
         self._prepared = config
 
     def tracker(self, rig: CameraRig, config: TrackerConfig) -> Steppable:
@@ -206,7 +206,7 @@ class TrackerMaker:
         if not self._small:
             names = tuple(self._backgrounds)
             models = {id(body.model): body.model for body in options.each.values()}
-            self._small = [SmallTrackers(options.rig, model, names) for model in models.values()]
+            self._small = [SmallTrackers(options.rig, model, names, options.keypoints) for model in models.values()]
         for small in self._small:
             small.check(cameras, config)
 

@@ -159,7 +159,7 @@ class PeopleDetection:
         self._names, self._options = rig.names, options
         self._workers = Workers(config.threads)
         self._idle: SimpleQueue[Detector] = SimpleQueue()
-        for detector in _detectors(options, min(config.threads, len(rig))):
+        for detector in detectors_of(options, min(config.threads, len(rig))):
             self._idle.put(detector)
         self._count, self._last_ns, self._around = 0, 0, Around(options.around_s)
         self.ms: list[float] = []
@@ -210,8 +210,22 @@ class PeopleDetection:
         return {"detector": options.name, "every_sets": options.every_sets, "images": len(self.ms), "ms_per_image": ms}
 
 
-def _detectors(options: DetectionOptions, n: int) -> list[Detector]:
-    """So many of the same kind, since one cannot be used by two threads."""
+def detectors_of(options: DetectionOptions, n: int = 1) -> list[Detector]:
+    """So many of the same kind, since one cannot be used by two threads.
+
+    Parameters
+    ----------
+    options : of which kind.
+    n : how many.
+
+    Returns
+    -------
+    The detectors.
+
+    Raises
+    ------
+    TrackerError : weights or the package that runs them are missing, or they are of another network.
+    """
     if options.make is not None:
         return [options.make() for _ in range(n)]
     files = usable_weights(options.weights)

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...camera.rig import Camera, CameraRig
+from ...errors import ModelError
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...model.humans.keypoints import (
@@ -101,11 +102,21 @@ class KeypointModality(Modality):
     offsets : of these points, as they are known now.
     guesses : what detectors guess of a body along the rays.
     looked : a detector has looked at the present images.
+
+    Raises
+    ------
+    ModelError : the body has none of the points.
     """
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: KeypointConfig, table: KeypointTable):
         self._rig, self._model, self._config = rig, model, config
         self.names, points = points_of(model, table, config.offset_scale)
+        if not self.names:
+            some = ", ".join(sorted({point.landmark for point in table.values()})[:5])
+            raise ModelError(
+                f"'{model.name}' has none of the points that a detector finds: leave keypoints out of modalities, or name its"
+                f" landmarks in a keypoints table, or as those of people ({some}, …)"
+            )
         self.mirrored = np.array(mirrored_rows(self.names))
         self._pairs = _trunk_pairs(points, self.mirrored)
         self.offsets = PointOffsets(points, config)
