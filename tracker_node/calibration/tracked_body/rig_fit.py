@@ -341,13 +341,12 @@ def with_fit(rig_file: RigFile, fit: RigFit) -> RigFile:
     A copy.
     """
     placed = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in fit.rig})
-    cameras = dict(placed.cameras)
+    changes: dict[str, dict] = {}
     for name, found in fit.cameras.items():
-        entry = cameras[name]
-        values: dict = {"time_offset_s": entry.time_offset_s + found.later_s}
+        entry = placed.cameras[name]
+        changes[name] = values = {"time_offset_s": entry.time_offset_s + found.later_s}
         if found.focal_scale != 1.0:
             (fx, skew, cx), (zero, fy, cy), last = entry.K
             s = found.focal_scale
             values["K"] = ((s * fx, s * skew, cx), (zero, s * fy, cy), last)
-        cameras[name] = entry.model_copy(update=values)
-    return placed.model_copy(update={"cameras": cameras})
+    return placed.with_cameras(changes)
