@@ -325,13 +325,13 @@ def residuals_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLi
 
     Returns
     -------
-    (n, 3) camera, shape, and residual in pixels.
+    (n, 4) camera, shape, residual in pixels and its variance.
     """
     model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
     rows = []
     for k, own in enumerate(lines):
         residuals, valid = line_residuals(own, model, rig, problem.states_of(estimate, k))
-        rows.append(np.column_stack([own.camera, own.shape, residuals])[valid])
+        rows.append(np.column_stack([own.camera, own.shape, residuals, own.variances])[valid])
     return np.concatenate(rows)
 
 
@@ -347,12 +347,8 @@ def misfit_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines
     -------
     Of the median residual: 1 where lines are as accurate as their variances state.
     """
-    model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
-    ratios = []
-    for k, own in enumerate(lines):
-        residuals, valid = line_residuals(own, model, rig, problem.states_of(estimate, k))
-        ratios.append((residuals**2 / own.variances)[valid])
-    return float(np.median(np.concatenate(ratios))) / _MEDIAN_OF_CHI2
+    residuals, variances = residuals_of(problem, estimate, lines)[:, 2:].T
+    return float(np.median(residuals**2 / variances)) / _MEDIAN_OF_CHI2
 
 
 def line_metrics(residuals: np.ndarray) -> LineMetrics:
