@@ -11,7 +11,7 @@ it goes through the faults of the tape, and is woven with the next one into an i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -248,7 +248,6 @@ class Footage:
 def film(
     model: ArticulatedModel, trial: CrossTrial, studio: TargetStudio, backgrounds: Sequence[np.ndarray],
     rng: np.random.Generator, faults: TapeFaults | None = None, shutter_s: float = SHUTTER_S,
-    done: Callable[[int], None] = lambda field: None,
 ) -> Footage:  # fmt: skip
     """Interlaced video of a trial from every camera of the studio.
 
@@ -261,7 +260,6 @@ def film(
     rng : noise of the tape.
     faults : of the tape.
     shutter_s : exposure of a field, about its time; 0: what moves is sharp.
-    done : called with every field that has been filmed.
 
     Returns
     -------
@@ -276,7 +274,6 @@ def film(
             states = [trial.state(field, late + moment) for moment in moments]
             sharp = [studio.image(i, Configuration(model, state), backgrounds[i])[own] for state in states]
             fields[i].append(record(exposed(sharp, camera.gamma), faults, rng))
-        done(field)
     images = tuple(tuple(weave_fields(a, b) for a, b in zip(own[::2], own[1::2], strict=True)) for own in fields)
     return Footage(images, trial.n_fields)
 
