@@ -22,7 +22,7 @@ from ...objective.shape_jacobian import linearize_lines, normal_equations
 from ...observation.image_set import ImageSet
 from ...optimize.levenberg_marquardt import clip_to_limits
 from ...tracking.config import TrackerConfig
-from .body_fit import LEAST_LINES, LineMetrics, Progress, line_metrics
+from .body_fit import CORRELATION, LEAST_LINES, LineMetrics, Progress, line_metrics
 from .lines import LineEvidence, RegionEvidence
 from .solver import line_weights
 
@@ -34,7 +34,6 @@ _OFFSET_SIGMA_M = 0.001  # how far the zeros of sliding joints may be off
 _PLACE_SIGMAS = (0.3,) * 6  # how far the base may be from where it is said to be, meters and radians
 _ROBUST_PX = 24.0, 12.0, 6.0, 3.0, 3.0  # scales of the robust kernel; the images are observed anew for each
 _ROUNDS = 4  # lines are drawn anew for each of these
-_CORRELATION = 8.0  # neighboring lines share one error
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +184,7 @@ class _Fit:
         for k, own in enumerate(states):
             lines = self._evidence.lines(k, self._model, self._rig, own)
             found = linearize_lines(lines, self._space, np.zeros(len(self._space)), self._model, self._rig, own)
-            _, weights = line_weights(found.residuals, lines.variances, robust_px, _CORRELATION)
+            _, weights = line_weights(found.residuals, lines.variances, robust_px, CORRELATION)
             weights = np.where(found.valid, weights, 0.0)
             for i in range(len(self._rig)):
                 rows, g = lines.camera == i, np.zeros(n)
