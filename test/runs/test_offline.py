@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.small_clip import Clip, make_clip
+from helpers.one_run import run_offline
 from helpers.sources.tables import read_numbers
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
@@ -26,7 +27,7 @@ from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, write_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.messages import IMAGE, image
-from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.offline import OfflineRun
 
 N_IMAGES = 12
 BASE_NS = 1_700_000_000_000_000_000
