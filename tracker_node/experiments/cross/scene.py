@@ -172,10 +172,12 @@ class Clicks:
     visible: np.ndarray
 
 
+_HALF_THICK_M = 0.06  # and a little more: so far the body may lie in front of a landmark in it without hiding it
+
+
 def click(
-    model: ArticulatedModel, states: Sequence[State], cameras: Sequence[Camera], sigma_px: float, rng: np.random.Generator,
-    depth_margin: float = 0.06,
-) -> Clicks:  # fmt: skip
+    model: ArticulatedModel, states: Sequence[State], cameras: Sequence[Camera], sigma_px: float, rng: np.random.Generator
+) -> Clicks:
     """Simulate clicks on the model's landmarks, with errors.
 
     Parameters
@@ -185,7 +187,6 @@ def click(
     cameras : in the same order.
     sigma_px : standard deviation of the person's error along u and v.
     rng : random errors.
-    depth_margin : meters that the body may lie in front of a landmark in it without hiding it: half its thickness, a little more.
 
     Returns
     -------
@@ -200,7 +201,7 @@ def click(
         valid = valid & camera.model.in_image(seen)
         depth = raycaster.render_view(configuration, camera).depth
         column, row = np.rint(np.where(valid[:, None], seen, 0.0)).astype(int).T
-        in_front = depth[row, column] < se3.apply(camera.T_cam_world, points)[:, 2] - depth_margin
+        in_front = depth[row, column] < se3.apply(camera.T_cam_world, points)[:, 2] - _HALF_THICK_M
         visible[:, i] = valid & ~in_front
         pixels[:, i] = seen + sigma_px * rng.standard_normal((n_points, 2))
     return Clicks(pixels, visible)
