@@ -29,7 +29,7 @@ from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.motion.trajectory_file import read_states, write_states
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.report.metrics_file import report_metrics
-from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.offline import OfflineRun, run_together
 from tracker_node.synthesis.recording import Request, produce, show_progress
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the repository
@@ -114,7 +114,7 @@ def track(folder: Path, n: int) -> None:
         if done % 50 == 0:
             print(f"tracking: image set {done} of {n}", file=sys.stderr, flush=True)
 
-    run_offline(run, folder / "run", tell)
+    run_together({model.name: run}, {model.name: folder / "run"}, tell)
 
 
 def evaluate(folder: Path) -> tuple[float, float]:

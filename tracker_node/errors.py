@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -144,6 +145,11 @@ def shown(value: object) -> str:
         return _cut_in_the_middle(text, _LONGEST_TEXT) if isinstance(value, str) else _cut(text, _LONGEST_VALUE)
     except (RecursionError, ValueError):  # lists in lists without end; a number of thousands of digits
         return f"a {type(value).__name__} that is too long to be shown"
+
+
+def repeated(names: Iterable[str]) -> list[str]:
+    """Names that are there more than once, sorted."""
+    return sorted(name for name, n in Counter(names).items() if n > 1)
 
 
 def _in_one_line(text: str) -> str:

@@ -306,9 +306,8 @@ def film(routine: DoubleSomersault, model: ArticulatedModel, folder: Path) -> No
     cameras = (
         replace(camera, interlaced="top_first", time_offset_ns=round(1e9 * exposure_s(camera.name, 0))) for camera in rig
     )
-    described = rig_file_of(CameraRig(tuple(cameras)))
-    entries = {name: entry.model_copy(update={"source": name}) for name, entry in described.cameras.items()}
-    write_rig_file(described.model_copy(update={"cameras": entries}), folder / "rig.yaml")
+    described = rig_file_of(CameraRig(tuple(cameras))).with_cameras({name: {"source": name} for name in rig.names})
+    write_rig_file(described, folder / "rig.yaml")
 
 
 def _film(routine: DoubleSomersault, rig: CameraRig, scene: SceneConfig, folder: Path) -> None:

@@ -31,7 +31,7 @@ from tracker_node.render.overlay import draw_overlay, masked_image
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.image_sets import SourceStream
-from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.offline import OfflineRun, run_together
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
@@ -59,9 +59,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as scratch:
         folder = args.output or Path(scratch) / "run"
         keep = args.output is not None
-        run_offline(
-            OfflineRun(rig, model, config, start, max_sets=n, masks=keep, masked_images=keep),
-            folder,
+        run_together(
+            {model.name: OfflineRun(rig, model, config, start, max_sets=n, masks=keep, masked_images=keep)},
+            {model.name: folder},
             lambda done, total, estimate: estimates.append(estimate),
         )
         files = ("--truth", args.sample / "truth.trc", "--model", args.sample / "person.yaml", "--output", folder)

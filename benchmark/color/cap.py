@@ -30,7 +30,7 @@ from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State, from_variables
 from tracker_node.model.humans.segments18 import nurbs_human
 from tracker_node.objective.color.score import ColorObjective, ColorOptions
-from tracker_node.optimize.simplex import SimplexOptions, SimplexStage, search_simplex
+from tracker_node.optimize.simplex import SimplexStage, search_simplex
 from tracker_node.optimize.stepping import SEVEN_LOOPS, SteppingOptions, step_downhill
 from tracker_node.parallel import Workers
 from tracker_node.report.metrics_file import report_metrics
@@ -82,7 +82,7 @@ def measure(drawn: Sequence[Case], cap: float, starts: int) -> dict[str, float]:
         chain = case.tracked.chain
         score = ColorObjective(case.tracked, case.rig, ColorOptions(cap=cap), workers=Workers(1))
         score.set_images(case.images)
-        found = search_simplex(score, case.truth, chain, SimplexOptions(STAGES)).state
+        found = search_simplex(score, case.truth, chain, STAGES).state
         off.append(root_error(found, case.truth))
         along.append(1e3 * (found.T_world_root[:3, 3] - case.truth.T_world_root[:3, 3]) @ case.light)
         for _ in range(starts):

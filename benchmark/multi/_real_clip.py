@@ -193,13 +193,13 @@ def _with_sources(rig: CameraRig, videos: dict[str, Path]) -> CameraRig:
 
 def _mapped(rig_file: RigFile, videos: dict[str, Path]) -> CameraRig:
     """The rig for pixels of the videos."""
-    entries = {}
-    for name, entry in rig_file.cameras.items():
+    changes = {}
+    for name in rig_file.cameras:
         scale, u, v = PIXEL_MAPS[name]
         pixel_map = ((scale, 0.0, u), (0.0, scale, v))
-        update = {"source": str(videos[name]), "background": None, "pixel_map": pixel_map, "file_image_size": _FILE_SIZE}
-        entries[name] = entry.model_copy(update=update)
-    return build_rig(rig_file.model_copy(update={"cameras": entries}), Path("/"))
+        source = str(videos[name])
+        changes[name] = {"source": source, "background": None, "pixel_map": pixel_map, "file_image_size": _FILE_SIZE}
+    return build_rig(rig_file.with_cameras(changes), Path("/"))
 
 
 def _small(rig: CameraRig) -> CameraRig:

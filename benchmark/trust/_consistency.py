@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker_node.evaluation.consistency import mean_bounds, nees
+from tracker_node.evaluation.consistency import mean_bounds, whitened
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,11 @@ class Consistency:
 
 def _share_within(values: np.ndarray, bounds: tuple[float, float]) -> float:
     return float(((values >= bounds[0]) & (values <= bounds[1])).mean())
+
+
+def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Normalized errors squared (...): n on average where the covariances (..., n, n) of the errors (..., n) are right."""
+    return (whitened(errors, covariances) ** 2).sum(axis=-1)
 
 
 def consistency(errors: np.ndarray, covariances: np.ndarray, effective: float) -> Consistency:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import minimize
 
+from benchmark.trust._consistency import nees
 from benchmark.trust._runs import Run
-from tracker_node.evaluation.consistency import nees
 
 _SOUND = 0.53  # of what is lost, a limb whose end is nearer than this is sound; between that and lost nothing is learned
 _RIDGE = 2e-3

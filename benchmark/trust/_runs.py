@@ -21,7 +21,7 @@ from tracker_node.tracking.estimate import LimbStatus, TrackEstimate
 from tracker_node.tracking.limbs.judge import MEASURES
 from tracker_node.tracking.limbs.tree import Limb, limbs_of
 from tracker_node.tracking.motion.dynamics import Belief, Dynamics
-from tracker_node.tracking.motion.smoother import Measurement, smooth, smoothed_covariance
+from tracker_node.tracking.motion.smoother import Measurement, Smoother, smoothed_covariance
 from tracker_node.tracking.tracker import Tracker
 
 
@@ -97,7 +97,8 @@ def track(recorded: Recorded, rig: CameraRig, config: TrackerConfig) -> Run:
         shares.append(_shares(tracker, len(limbs)))
     motion = config.motion
     measurements = [Measurement.of(e, resting(model, motion)) for e in estimates]
-    beliefs = list(smooth(measurements, Dynamics.of(motion, model.chain, motion.smoother_noise)))
+    smoother = Smoother(Dynamics.of(motion, model.chain, motion.smoother_noise))
+    beliefs = [belief for measurement in measurements for belief in smoother.add(measurement)] + smoother.finish()
     truth = truth_of(recorded)
     found = np.array([Configuration(model, e.state).landmarks_world for e in estimates])
     joint_errors = np.linalg.norm(found - truth, axis=-1)

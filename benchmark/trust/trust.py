@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.consistency import effective_sets, mean_bounds, nees, whitened
+from tracker_node.evaluation.consistency import effective_sets, mean_bounds, whitened
 from tracker_node.evaluation.metrics import LOST_LIMB_M
 from tracker_node.report.metrics_file import report_metrics
 from tracker_node.tracking.config import TrackerConfig
@@ -35,7 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the repository
 
 from benchmark._arguments import parser_of
 from benchmark.trust._clips import record
-from benchmark.trust._consistency import Consistency, consistency
+from benchmark.trust._consistency import Consistency, consistency, nees
 from benchmark.trust._fit import coefficients, covariance_factor
 from benchmark.trust._lost_events import BODY_KINDS, LIMB_KINDS
 from benchmark.trust._roc import Roc, roc, roc_picture

@@ -3,24 +3,31 @@ import pytest
 
 from helpers.bodies.bodies import crane, random_state
 from helpers.numeric.finite_difference import assert_jacobian
-from tracker_node.calibration.pose import PoseOptions, _Landmarks, fit_state_to_landmarks
+from tracker_node.calibration import pose
+from tracker_node.calibration.pose import _Landmarks, fit_state_to_landmarks
 from tracker_node.errors import UnknownNameError
 from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 
 HUMAN = human_model()
-FREE = PoseOptions(free_sigma_rad=1e4, stiff_sigma_rad=1e4)  # no pull to neutral, so that an exact fit is exact
 
 
 def landmarks(model, state):
     return dict(zip(model.landmark_names, Configuration(model, state).landmarks_world, strict=True))
 
 
+@pytest.fixture
+def no_pull(monkeypatch):
+    """To neutral, so that an exact fit is exact."""
+    for name in ("_FREE_SIGMA_RAD", "_STIFF_SIGMA_RAD"):
+        monkeypatch.setattr(pose, name, 1e4)
+
+
 @pytest.mark.parametrize("seed", range(6))
-def test_a_posed_human_is_found_without_a_start(seed):
+def test_a_posed_human_is_found_without_a_start(seed, no_pull):
     state = random_state(HUMAN, np.random.default_rng(seed), 0.45)
-    fit = fit_state_to_landmarks(HUMAN, landmarks(HUMAN, state), options=FREE)
+    fit = fit_state_to_landmarks(HUMAN, landmarks(HUMAN, state))
     assert fit.mean_residual_m < 1e-4
     assert max(fit.residuals_m.values()) < 1e-3
 
@@ -33,10 +40,10 @@ def test_upside_down_and_turned_away():
     assert np.allclose(fit.state.T_world_root, upside_down, atol=1e-5)
 
 
-def test_a_body_that_is_no_human_is_fitted_too():
+def test_a_body_that_is_no_human_is_fitted_too(no_pull):
     model = crane()
     state = random_state(model, np.random.default_rng(3), 0.5)
-    fit = fit_state_to_landmarks(model, landmarks(model, state), options=FREE)
+    fit = fit_state_to_landmarks(model, landmarks(model, state))
     assert fit.mean_residual_m < 1e-4
 
 
@@ -59,10 +66,10 @@ def test_weights_choose_between_targets():
     assert light.residuals_m["head"] > plain.residuals_m["head"]
 
 
-def test_few_targets_keep_near_the_start():
+def test_few_targets_keep_near_the_start(no_pull):
     state = random_state(HUMAN, np.random.default_rng(8), 0.3)
     everything = landmarks(HUMAN, state)
-    fit = fit_state_to_landmarks(HUMAN, {"left_wrist": everything["left_wrist"]}, state, options=FREE)
+    fit = fit_state_to_landmarks(HUMAN, {"left_wrist": everything["left_wrist"]}, state)
     assert fit.iterations < 20
     assert np.allclose(landmarks(HUMAN, fit.state)["left_wrist"], everything["left_wrist"], atol=1e-4)
 
@@ -70,7 +77,7 @@ def test_few_targets_keep_near_the_start():
 def test_gradient_of_the_cost_matches_finite_differences():
     rng = np.random.default_rng(2)
     targets = {name: point + rng.normal(scale=0.05, size=3) for name, point in landmarks(HUMAN, State.neutral(HUMAN)).items()}
-    problem = _Landmarks(HUMAN, targets, {"head": 3.0}, PoseOptions())
+    problem = _Landmarks(HUMAN, targets, {"head": 3.0})
     state = random_state(HUMAN, rng, 0.4)
     gradient = problem.linearize(state).g
     assert_jacobian(2.0 * gradient, lambda d: problem.linearize(state.retract(d)).cost, step=1e-4)

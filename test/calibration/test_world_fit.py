@@ -105,8 +105,7 @@ def test_images_of_a_board_that_one_camera_has_taken_or_in_another_size(tmp_path
 
 
 def test_only_places_of_a_rig_file_change():
-    file = rig_file_of(RIG)
-    file = file.model_copy(update={"cameras": {n: e.model_copy(update={"time_offset_s": 0.25}) for n, e in file.cameras.items()}})
+    file = rig_file_of(RIG).with_cameras({name: {"time_offset_s": 0.25} for name in RIG.names})
     changed = with_world(file, SCALED.rig(RIG))
     assert all(entry.time_offset_s == 0.25 for entry in changed.cameras.values())
     for camera, moved in zip(build_rig(changed, "."), SCALED.rig(RIG), strict=True):

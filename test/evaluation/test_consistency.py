@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from benchmark.trust._consistency import consistency
-from tracker_node.evaluation.consistency import effective_sets, mean_bounds, nees, whitened
+from benchmark.trust._consistency import consistency, nees
+from tracker_node.evaluation.consistency import effective_sets, mean_bounds, whitened
 
 N = 6
 

@@ -7,12 +7,13 @@ import pytest
 import yaml
 
 from helpers.cameras.small_clip import make_clip
+from helpers.one_run import run_offline
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.model.configuration import Configuration
 from tracker_node.runs.config_file import load_parameters
-from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.offline import OfflineRun
 from tracker_node.tracking.config import from_dict
 
 N = 45

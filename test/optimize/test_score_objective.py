@@ -32,8 +32,8 @@ class Sums:
         return Sums(row_step, self.asked)
 
 
-def space(keep_trace=False, start=None):
-    return VariableSpace(Sums(), start or State.neutral(MODEL), CHAIN, keep_trace)
+def space(start=None):
+    return VariableSpace(Sums(), start or State.neutral(MODEL), CHAIN)
 
 
 def test_limits_are_those_of_the_joints():
@@ -67,24 +67,11 @@ def test_scores_are_counted_for_their_variable_or_shared_out():
 
 
 def test_stages_look_at_every_nth_row_of_the_whole():
-    found = space(keep_trace=True)
-    point = np.zeros(SIZE)
-    for stage, row_step in ((1, 4), (2, 2), (3, 1)):
-        found.begin_stage(stage, row_step)
-        found.scores([point])
+    found = space()
+    for row_step in (4, 2, 1):
+        found.begin_stage(row_step)
+        found.scores([np.zeros(SIZE)])
     assert [row_step for _, row_step in found._whole.asked] == [4, 2, 1]
-    assert [one.stage for one in found.result(point, 0.0, True).trace] == [1, 2, 3]
-
-
-def test_a_trace_holds_every_evaluation():
-    found = space(keep_trace=True)
-    points = [np.zeros(SIZE), np.full(SIZE, 0.1)]
-    values = found.scores(points, variable=5)
-    points[0][:] = 9.0  # a search goes on with its own arrays
-    trace = found.result(points[1], values[1], True).trace
-    assert [(one.stage, one.variable, one.score) for one in trace] == [(0, 5, values[0]), (0, 5, values[1])]
-    assert not trace[0].variables.any()
-    assert space().result(points[1], 0.0, True).trace == ()
 
 
 @pytest.mark.parametrize(("score", "ended", "converged"), [(1.0, True, True), (1.0, False, False), (np.inf, True, False)])
@@ -94,14 +81,6 @@ def test_a_result_converged_where_the_rule_was_met_and_something_was_scored(scor
     assert result.converged == converged
     assert result.score == score
     assert np.allclose(configuration.to_variables(result.state), x)
-
-
-def test_no_trace_is_kept_unless_it_is_asked_for():
-    found = space()
-    found.scores([np.zeros(SIZE)])
-    assert found.trace is None
-    assert found.result(np.zeros(SIZE), 0.0, True).trace == ()
-    assert space(keep_trace=True).trace == []
 
 
 class PartSums(Sums):
@@ -123,12 +102,12 @@ def test_variables_of_a_limb_are_stepped_together_and_the_rest_is_held_once():
     assert found.together(range(14)) == [[*range(12)], [12, 13]]  # those that move nine links down to three, then two and one
     assert found.together([12, 7, 13]) == [[12], [7], [13]]
     assert whole.together([3, 13]) == [[3, 13]]
-    found.begin_stage(0, 2)
+    found.begin_stage(2)
     assert found.hold(found.start, [12, 13])
     assert not found.hold(found.start, [12, 13])
-    found.begin_stage(1, 2)
+    found.begin_stage(2)
     assert not found.hold(found.start, [12, 13])  # the same rows: drawn already
-    found.begin_stage(2, 1)
+    found.begin_stage(1)
     assert found.hold(found.start, [12, 13])
     assert score.asked == [("beside", 2, (12, 13)), ("beside", 1, (12, 13))]
     assert not whole.hold(found.start, [12])

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from benchmark.color._fits import stepping_simplex
 from helpers.numeric.analytic_scores import RIGID, AnalyticScore, hinged, state_at
 from tracker_node.optimize.robust_start import RobustStartOptions, search
-from tracker_node.optimize.simplex import POLISH, SimplexOptions, SimplexStage, search_simplex
+from tracker_node.optimize.simplex import POLISH, SimplexStage, search_simplex
 from tracker_node.optimize.stepping import DECIMATED_LOOPS, SteppingOptions, step_downhill
 
 OPTIMIZERS = {"stepping": step_downhill, "simplex": search_simplex, "stepping_simplex": stepping_simplex}
@@ -31,7 +31,7 @@ def correlated(x, tip):
 def test_rosenbrock_in_six_dimensions():
     stages = tuple(SimplexStage(s, s, 1e-4, max_evaluations=1000) for s in (0.05, 0.02, 0.01))
     objective = AnalyticScore(rosenbrock)
-    result = search_simplex(objective, START, RIGID, SimplexOptions(stages))
+    result = search_simplex(objective, START, RIGID, stages)
     np.testing.assert_allclose(result.variables, 0.1, atol=1e-5)
     assert result.converged
     assert result.evaluations == len(objective.asked)
@@ -81,7 +81,7 @@ def test_ground_that_cannot_be_scored_is_never_chosen():
 
 def test_too_few_evaluations_are_not_convergence():
     stage = SimplexStage(0.05, 0.05, 1e-6, max_evaluations=3)
-    result = search_simplex(AnalyticScore(rosenbrock), START, RIGID, SimplexOptions((stage,)))
+    result = search_simplex(AnalyticScore(rosenbrock), START, RIGID, (stage,))
     assert not result.converged
     assert result.score <= rosenbrock(np.zeros(6))
 

@@ -24,39 +24,36 @@ START = state_at(0, 0, 0, 0, 0, 0)
 METER = (LoopOptions(1.0, 1.0),)  # steps of one, to count along
 
 
-def one_variable(score_at: dict[int, float], **options):
+def one_variable(score_at: dict[int, float]):
     """Step x alone, by one, over scores given at whole numbers; what was asked, in order, and the result."""
     objective = AnalyticScore(lambda x: score_at[round(x[0])])
-    result = step_downhill(objective, START, RIGID, SteppingOptions(METER, v="never", **options), active=[0])
+    result = step_downhill(objective, START, RIGID, SteppingOptions(METER, v="never"), active=[0])
     return [round(x[0]) for x in objective.asked], result
 
 
 @pytest.mark.parametrize(
-    ("scores", "increases", "asked", "best"),
+    ("scores", "asked", "best"),
     [
         # up is lower: 1, 2 fall, 3 and 4 rise
-        ({-1: 9, 0: 8, 1: 6, 2: 3, 3: 4, 4: 5}, 2, [0, 1, -1, 2, 3, 4], 2),
+        ({-1: 9, 0: 8, 1: 6, 2: 3, 3: 4, 4: 5}, [0, 1, -1, 2, 3, 4], 2),
         # one increase is stepped over: 2 rises, 3 falls again, 4 and 5 rise
-        ({-1: 9, 0: 8, 1: 6, 2: 7, 3: 3, 4: 4, 5: 5}, 2, [0, 1, -1, 2, 3, 4, 5], 3),
+        ({-1: 9, 0: 8, 1: 6, 2: 7, 3: 3, 4: 4, 5: 5}, [0, 1, -1, 2, 3, 4, 5], 3),
         # the bump was higher ground for nothing: the lowest is behind it
-        ({-1: 9, 0: 8, 1: 2, 2: 7, 3: 3, 4: 4, 5: 5}, 2, [0, 1, -1, 2, 3, 4, 5], 1),
+        ({-1: 9, 0: 8, 1: 2, 2: 7, 3: 3, 4: 4, 5: 5}, [0, 1, -1, 2, 3, 4, 5], 1),
         # down is lower
-        ({1: 9, 0: 8, -1: 6, -2: 7, -3: 8}, 2, [0, 1, -1, -2, -3], -1),
+        ({1: 9, 0: 8, -1: 6, -2: 7, -3: 8}, [0, 1, -1, -2, -3], -1),
         # both neighbors are higher: one more in the lower one's direction, and back
-        ({1: 9, 0: 5, -1: 6, -2: 7}, 2, [0, 1, -1, -2], 0),
+        ({1: 9, 0: 5, -1: 6, -2: 7}, [0, 1, -1, -2], 0),
         # both neighbors are higher, but there is lower ground behind the lower one
-        ({1: 9, 0: 5, -1: 6, -2: 3, -3: 4, -4: 5}, 2, [0, 1, -1, -2, -3, -4], -2),
+        ({1: 9, 0: 5, -1: 6, -2: 3, -3: 4, -4: 5}, [0, 1, -1, -2, -3, -4], -2),
         # an equal score counts as an increase, and does not win
-        ({1: 5, 0: 5, -1: 5, 2: 5}, 2, [0, 1, -1, 2], 0),
-        # the published rule with other numbers of increases
-        ({-1: 9, 0: 8, 1: 6, 2: 7, 3: 3}, 1, [0, 1, -1, 2], 1),
-        ({-1: 9, 0: 8, 1: 6, 2: 7, 3: 8, 4: 5, 5: 6, 6: 7, 7: 8}, 3, [0, 1, -1, 2, 3, 4, 5, 6, 7], 4),
+        ({1: 5, 0: 5, -1: 5, 2: 5}, [0, 1, -1, 2], 0),
         # what cannot be scored is higher than anything
-        ({-1: math.inf, 0: 8, 1: 6, 2: math.inf, 3: math.inf}, 2, [0, 1, -1, 2, 3], 1),
+        ({-1: math.inf, 0: 8, 1: 6, 2: math.inf, 3: math.inf}, [0, 1, -1, 2, 3], 1),
     ],
 )
-def test_a_line_is_walked_as_the_rule_says(scores, increases, asked, best):
-    places, result = one_variable(scores, increases=increases)
+def test_a_line_is_walked_as_the_rule_says(scores, asked, best):
+    places, result = one_variable(scores)
     assert places == asked
     assert (round(result.variables[0]), result.score) == (best, scores[best])
     assert result.evaluations == len(asked)
@@ -74,24 +71,20 @@ def test_no_point_is_scored_in_vain_for_two_at_once():
 
 def test_a_slope_without_end_is_given_up():
     objective = AnalyticScore(lambda x: -x[2])
-    result = step_downhill(objective, START, RIGID, SteppingOptions(METER, max_steps=10), active=[2])
+    result = step_downhill(objective, START, RIGID, SteppingOptions(METER), active=[2])
     assert not result.converged
-    assert result.variables[2] == pytest.approx(10.0)
+    assert result.variables[2] == pytest.approx(40.0)
 
 
 def test_order_schedule_and_rows_are_those_of_the_options():
     objective = AnalyticScore(lambda x: float(np.abs(x).sum()))
     loops = (LoopOptions(0.5, 0.25, 4), LoopOptions(0.125, 0.0625, 1))
-    result = step_downhill(objective, START, RIGID, SteppingOptions(loops, order=(5, 0, 3), v="never", trace=True))
+    step_downhill(objective, START, RIGID, SteppingOptions(loops, order=(5, 0, 3), v="never"))
     moved = [(int(np.argmax(np.abs(x))), float(np.abs(x).max())) for x in objective.asked]
     line = [(5, 0.25), (5, 0.25), (5, 0.5), (0, 0.5), (0, 0.5), (0, 1.0), (3, 0.25), (3, 0.25), (3, 0.5)]
     fine = [(i, step / 4) for i, step in line]
     np.testing.assert_allclose([m for m in moved if m[1] > 1e-9], line + fine)
     assert objective.row_steps == [4] * 10 + [1] * 10
-    assert [(e.stage, e.variable) for e in result.trace] == [
-        (n, i) for n in (0, 1) for i in (None, 5, 5, 5, 0, 0, 0, 3, 3, 3)
-    ]  # fmt: skip
-    assert [e.score for e in result.trace] == pytest.approx([np.abs(x).sum() for x in objective.asked])
 
 
 def test_shipped_schedules_are_those_of_the_paper():
@@ -158,14 +151,17 @@ def test_v_in_every_line_finds_most_variables_exactly():
 
 def test_where_v_is_used():
     tip = np.array([0.113, 0.0417, -0.0291, 0.0, 0.0, 0.0])
-    used = {
-        v: [e.stage for e in step_downhill(tips(tip, np.ones(6)), START, RIGID, SteppingOptions(v=v, trace=True)).trace
-            if not on_the_grid(e.variables[:3])]
-        for v in V_WHERE
-    }  # fmt: skip
-    assert used["never"] == []
-    assert set(used["last_loop"]) == {4}
-    assert 0 in used["every_line"]
+    asked = {}
+    for v in V_WHERE:
+        objective = tips(tip, np.ones(6))
+        step_downhill(objective, START, RIGID, SteppingOptions(v=v))
+        asked[v] = [i for i, x in enumerate(objective.asked) if not on_the_grid(x[:3])]
+    first, before_last = (
+        step_downhill(tips(tip, np.ones(6)), START, RIGID, SteppingOptions(FIVE_LOOPS[:n], v="never")).evaluations for n in (1, 4)
+    )
+    assert asked["never"] == []
+    assert asked["last_loop"][0] >= before_last
+    assert asked["every_line"][0] < first
 
 
 def on_the_grid(position):
@@ -235,9 +231,7 @@ def test_ground_that_cannot_be_scored_is_never_chosen():
     assert math.isfinite(result.score) and 0.05 < result.variables[0] <= 0.07
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"schedule": ()}, {"v": "sometimes"}, {"increases": 0}, {"max_steps": 0}]
-)
+@pytest.mark.parametrize("wrong", [{"schedule": ()}, {"v": "sometimes"}])
 def test_options_that_make_no_sense(wrong):
     with pytest.raises(ValueError, match="expected"):
         SteppingOptions(**wrong)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.small_clip import Clip, make_clip
+from helpers.one_run import run_offline
 from helpers.sources.tables import read_numbers
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
@@ -26,7 +27,7 @@ from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, write_rig
 from tracker_node.model.configuration import Configuration
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.messages import IMAGE, image
-from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.offline import OfflineRun
 
 N_IMAGES = 12
 BASE_NS = 1_700_000_000_000_000_000
@@ -203,8 +204,7 @@ def test_a_run_without_images_is_made_again_from_the_sources(clip: Clip, tmp_pat
 def test_a_run_from_stamp_0_on_that_began_without_a_camera_is_made_again(own_clip: Clip, tmp_path: Path) -> None:
     """In the message of a set at stamp 0, 0 says that a camera gave no image, or one at 0."""
     rig = read_rig_file(own_clip.rig_file)
-    late = rig.cameras["cam02"].model_copy(update={"time_offset_s": 0.1})
-    write_rig_file(rig.model_copy(update={"cameras": {**rig.cameras, "cam02": late}}), own_clip.rig_file)
+    write_rig_file(rig.with_cameras({"cam02": {"time_offset_s": 0.1}}), own_clip.rig_file)
     run_offline(offline_run(own_clip), tmp_path / "first")
     summary = run_offline(offline_run(own_clip, bag=tmp_path / "first/bag", from_run=True), tmp_path / "second")
     assert summary["errors"] == []
@@ -243,8 +243,7 @@ def test_folders_that_begin_at_different_numbers_are_told(own_clip: Clip) -> Non
     (note,) = offline_run(own_clip).image_sets().notes
     assert "'cam01' at 0, 'cam02' at 3, 'cam03' at 0; their first images are taken to be of the same time" in note
     rig = read_rig_file(own_clip.rig_file)
-    late = rig.cameras["cam02"].model_copy(update={"time_offset_s": 0.1})
-    write_rig_file(rig.model_copy(update={"cameras": {**rig.cameras, "cam02": late}}), own_clip.rig_file)
+    write_rig_file(rig.with_cameras({"cam02": {"time_offset_s": 0.1}}), own_clip.rig_file)
     assert offline_run(own_clip).image_sets().notes == []
 
 

@@ -173,11 +173,8 @@ def with_backgrounds(rig_file: RigFile, paths: Mapping[str, Path], base: Path | 
     -------
     A copy.
     """
-    cameras = dict(rig_file.cameras)
-    for name, path in paths.items():
-        place = str(path.absolute()) if base is None else os.path.relpath(path, base)
-        cameras[name] = cameras[name].model_copy(update={"background": place})
-    return rig_file.model_copy(update={"cameras": cameras})
+    places = {name: str(path.absolute()) if base is None else os.path.relpath(path, base) for name, path in paths.items()}
+    return rig_file.with_cameras({name: {"background": place} for name, place in places.items()})
 
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from ..camera.rig import CameraRig
 from ..errors import FileFormatError, SourceError
 from ..loaders.rig.calibration_toml import load_pose2sim
-from ..loaders.rig.rig_yaml import CameraEntry, RigFile, rig_file_of, write_rig_file
+from ..loaders.rig.rig_yaml import RigFile, rig_file_of, write_rig_file
 from ..loaders.whole_file import write_whole
 from .background import build_background, spread_images, write_image
 from .points.rig_refinement import Refinement, load_joints, refine_rig
@@ -83,16 +83,14 @@ def rig_file(rig: CameraRig, trial: str) -> RigFile:
     -------
     The rig with sources, backgrounds, and the map of the narrow videos' pixels.
     """
-    plain = rig_file_of(rig)
-    entries: dict[str, CameraEntry] = {}
-    for name, entry in plain.cameras.items():
-        update: dict[str, object] = {"source": f"{trial}/{name}.mp4"}
+    changes: dict[str, dict[str, object]] = {}
+    for name in rig.names:
+        changes[name] = {"source": f"{trial}/{name}.mp4"}
         if trial == "videos":
-            update["background"] = f"backgrounds/{name}.png"
+            changes[name]["background"] = f"backgrounds/{name}.png"
         if name in NARROW_CAMERAS[trial]:
-            update |= {"pixel_map": NARROW_MAP, "file_image_size": NARROW_SIZE}
-        entries[name] = entry.model_copy(update=update)
-    return plain.model_copy(update={"cameras": entries})
+            changes[name] |= {"pixel_map": NARROW_MAP, "file_image_size": NARROW_SIZE}
+    return rig_file_of(rig).with_cameras(changes)
 
 
 def has_backgrounds(folder: Path) -> bool:

@@ -133,11 +133,9 @@ def with_lights(rig_file: RigFile, fit: LightFit) -> RigFile:
     -------
     A copy.
     """
-    found, cameras = rig_file_of(fit.rig), dict(rig_file.cameras)
-    for name in fit.n_pixels:
-        changes = {"gain": found.cameras[name].gain, "gamma": found.cameras[name].gamma}
-        cameras[name] = cameras[name].model_copy(update=changes)
-    return rig_file.model_copy(update={"cameras": cameras, "lights": found.lights})
+    found = rig_file_of(fit.rig)
+    answers = {name: {"gain": found.cameras[name].gain, "gamma": found.cameras[name].gamma} for name in fit.n_pixels}
+    return rig_file.with_cameras(answers).model_copy(update={"lights": found.lights})
 
 
 def _pose_image(pattern: str, name: str) -> np.ndarray | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,22 +16,10 @@ from ..objective.constraints.prior import Prior
 from ..objective.normal_equations import NormalEquations
 from ..optimize.levenberg_marquardt import LevenbergMarquardtOptions, minimize
 
-_STEP = 1e-8  # meters and radians: smaller ones end the search
-
-
-@dataclass(frozen=True)
-class PoseOptions:
-    """Settings of `fit_state_to_landmarks`.
-
-    ``sigma_m`` is the expected error of a target; ``free_sigma_rad`` and ``stiff_sigma_rad`` are how far joint angles are
-    expected from neutral, for axes without and with stiffness in the model.
-    """
-
-    sigma_m: float = 0.02
-    free_sigma_rad: float = 1.5
-    stiff_sigma_rad: float = 0.6
-    max_iterations: int = 200
-    tolerance: float = 1e-9
+_SIGMA_M = 0.02  # expected error of a target
+_FREE_SIGMA_RAD, _STIFF_SIGMA_RAD = 1.5, 0.6  # how far angles are expected from neutral: axes without and with stiffness
+_ENOUGH = LevenbergMarquardtOptions(200, tolerance=1e-9, step_tolerance=1e-8)
+_SHORT = replace(_ENOUGH, max_iterations=15)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +42,7 @@ class PoseFit:
 class _Landmarks:
     """Weighted distances of landmarks from targets, and a pull of the joints to neutral (`LeastSquaresObjective`)."""
 
-    def __init__(self, model: ArticulatedModel, targets: Mapping[str, np.ndarray], weights, options: PoseOptions):
+    def __init__(self, model: ArticulatedModel, targets: Mapping[str, np.ndarray], weights):
         unknown = [name for name in targets if name not in model.landmark_names]
         if unknown:
             raise UnknownNameError("landmark", unknown[0], model.landmark_names)
@@ -62,9 +50,9 @@ class _Landmarks:
         self.rows = np.array([model.landmark_index(name) for name in self.names], dtype=np.int64)
         self.targets = np.array([targets[name] for name in self.names], dtype=np.float64).reshape(-1, 3)
         weights = weights or {}
-        self.information = np.array([weights.get(name, 1.0) for name in self.names]) / options.sigma_m**2
+        self.information = np.array([weights.get(name, 1.0) for name in self.names]) / _SIGMA_M**2
         stiff = np.array([axis.stiffness > 1.0 for axis in model.chain.axes], dtype=bool)
-        pull = np.where(stiff, options.stiff_sigma_rad, options.free_sigma_rad) ** -2.0
+        pull = np.where(stiff, _STIFF_SIGMA_RAD, _FREE_SIGMA_RAD) ** -2.0
         self.prior = Prior(State.neutral(model), np.concatenate([np.zeros(N_ROOT_DOF), pull]))
 
     def offsets(self, configuration: Configuration) -> np.ndarray:
@@ -85,7 +73,6 @@ def fit_state_to_landmarks(
     targets: Mapping[str, np.ndarray],
     initial: State | None = None,
     weights: Mapping[str, float] | None = None,
-    options: PoseOptions | None = None,
 ) -> PoseFit:
     """State whose landmarks are nearest to given points, within the joint limits.
 
@@ -98,7 +85,6 @@ def fit_state_to_landmarks(
     targets : landmark -> world position (3,), meters.
     initial : state to start from.
     weights : landmark -> multiple of its information; 1 where it is not named.
-    options : standard deviations and when to stop.
 
     Returns
     -------
@@ -109,21 +95,18 @@ def fit_state_to_landmarks(
     UnknownNameError : a target that the model has no landmark for.
     ValueError : fewer than three targets and no initial state.
     """
-    options = options or PoseOptions()
-    problem = _Landmarks(model, targets, weights, options)
+    problem = _Landmarks(model, targets, weights)
     if initial is not None:
-        return _solve(problem, initial, options)
+        return _solve(problem, initial)
     if len(targets) < 3:
         raise ValueError(f"expected at least 3 targets to start from, got {len(targets)}")
     starts = [_placed(problem, State(np.eye(4), angles)) for angles in _start_poses(model)]
     # A short run shows which starts are worth a long one.
-    trials = sorted((_solve(problem, start, options, 15) for start in starts), key=lambda fit: fit.cost)
-    return min((_solve(problem, fit.state, options) for fit in trials[:2]), key=lambda fit: fit.cost)
+    trials = sorted((_solve(problem, start, _SHORT) for start in starts), key=lambda fit: fit.cost)
+    return min((_solve(problem, fit.state) for fit in trials[:2]), key=lambda fit: fit.cost)
 
 
-def _solve(problem: _Landmarks, state: State, options: PoseOptions, max_iterations: int | None = None) -> PoseFit:
-    most = options.max_iterations if max_iterations is None else max_iterations
-    how = LevenbergMarquardtOptions(most, tolerance=options.tolerance, step_tolerance=_STEP)
+def _solve(problem: _Landmarks, state: State, how: LevenbergMarquardtOptions = _ENOUGH) -> PoseFit:
     found = minimize(problem, state, problem.model.chain, how)
     distances = np.linalg.norm(problem.offsets(Configuration(problem.model, found.state)), axis=1)
     residuals = {name: float(d) for name, d in zip(problem.names, distances, strict=True)}

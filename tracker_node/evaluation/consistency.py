@@ -31,21 +31,6 @@ from .evaluate import Evaluation
 CONFIDENCE = 0.95
 
 
-def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """Normalized estimation error squared.
-
-    Parameters
-    ----------
-    errors : (..., n).
-    covariances : (..., n, n) of them.
-
-    Returns
-    -------
-    (...), n on average where the covariances are right.
-    """
-    return (whitened(errors, covariances) ** 2).sum(axis=-1)
-
-
 def whitened(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     """Errors in units of their covariance: L^-1 e with P = L L^T.
 

@@ -7,12 +7,13 @@ come first in every tangent.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..compiled.kernels import compiled
-from ..errors import ModelError, UnknownNameError
+from ..errors import ModelError, UnknownNameError, repeated
 
 ROOT_DOF_NAMES = ("root_x", "root_y", "root_z", "root_rx", "root_ry", "root_rz")
 N_ROOT_DOF = 6
@@ -67,6 +68,29 @@ class Axis:
     @property
     def unit(self) -> str:
         return "m" if self.prismatic else "rad"
+
+
+def axes_in_degrees(rows: Iterable[tuple], prefix: str = "", sign: float = 1.0) -> tuple[Axis, ...]:
+    """Axes of a joint by a table.
+
+    Parameters
+    ----------
+    rows : of the left side or the trunk: name, direction, limits in degrees, stiffness[, neutral in degrees].
+    prefix : of the names.
+    sign : of y; -1 mirrors them to the right side.
+
+    Returns
+    -------
+    An axis a row.
+    """
+    axes = []
+    for name, (x, y, z), limits, stiffness, *neutral in rows:
+        # A rotation axis is a pseudovector: mirrored in y, its x and z change sign. Adding 0.0 makes a -0.0 a plain zero, for
+        # the sake of who reads the file.
+        direction = (sign * x + 0.0, y + 0.0, sign * z + 0.0)
+        lower, upper = np.deg2rad(limits).tolist()
+        axes.append(Axis(prefix + name, direction, lower, upper, float(np.deg2rad(neutral[0])) if neutral else 0.0, stiffness))
+    return tuple(axes)
 
 
 @dataclass(frozen=True)
@@ -198,10 +222,8 @@ class KinematicChain:
             moved.append(moved[parents[i]] | own)
             axes.extend(joint.axes)
         names = [axis.name for axis in axes]
-        if len(set(names)) != len(names):
-            raise ModelError(
-                f"degree-of-freedom names must be unique; repeated: {sorted({x for x in names if names.count(x) > 1})}"
-            )
+        if twice := repeated(names):
+            raise ModelError(f"degree-of-freedom names must be unique; repeated: {twice}")
         for axis in axes:
             if axis.mimic is not None and (axis.mimic.leader not in names or axis.mimic.leader == axis.name):
                 others = [name for name in names if name != axis.name]
@@ -258,6 +280,14 @@ class KinematicChain:
         pairs = [(a, float(q)) for a, q in zip(self.axes, positions, strict=True) if not a.lower <= q <= a.upper]
         return [f"{axis.name}: {q:.4g} is not in [{axis.lower:.4g}, {axis.upper:.4g}] {axis.unit}" for axis, q in pairs]
 
+    def dofs_of(self, links: Iterable[int]) -> np.ndarray:
+        """(n_dof,) mask of the axes of the joints that links hang on."""
+        mask = np.zeros(self.n_dof, dtype=np.bool_)
+        for link in links:
+            first = N_ROOT_DOF + self.axis_start[link]
+            mask[first : first + self.axis_count[link]] = True
+        return mask
+
     def link_index(self, name: str) -> int:
         if name not in self.links:
             raise UnknownNameError("link", name, self.links)
@@ -277,8 +307,8 @@ class KinematicChain:
 
 
 def _topological_order(links: tuple[str, ...], joints: tuple[Joint, ...]) -> tuple[list[str], dict[str, Joint]]:
-    if len(set(links)) != len(links):
-        raise ModelError(f"link names must be unique; repeated: {sorted({x for x in links if links.count(x) > 1})}")
+    if twice := repeated(links):
+        raise ModelError(f"link names must be unique; repeated: {twice}")
     joint_of: dict[str, Joint] = {}
     for joint in joints:
         for link in (joint.parent, joint.child):

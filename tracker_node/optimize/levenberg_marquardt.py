@@ -21,6 +21,8 @@ from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ..objective.normal_equations import LeastSquaresObjective, NormalEquations
 
+_DAMPING_UP, _DAMPING_DOWN = 8.0, 0.2
+
 
 @dataclass(frozen=True)
 class LevenbergMarquardtOptions:
@@ -29,8 +31,6 @@ class LevenbergMarquardtOptions:
 
     max_iterations: int = 5
     damping: float = 1e-3
-    damping_up: float = 8.0
-    damping_down: float = 0.2
     tolerance: float = 1e-3
     step_tolerance: float = 2e-4
 
@@ -108,7 +108,7 @@ def minimize(
         iterations += 1
         step = _step(equations, state, chain, damping)
         if step is None:
-            accepted, damping = False, damping * options.damping_up
+            accepted, damping = False, damping * _DAMPING_UP
             continue
         trial = clip_to_limits(state.retract(step), chain)
         trial_equations = objective.linearize(trial)
@@ -118,10 +118,10 @@ def minimize(
             gain = equations.cost - trial_equations.cost
             converged = gain < options.tolerance * equations.cost or float(np.abs(step).max()) < options.step_tolerance
             state, equations = trial, trial_equations
-            damping = max(damping * options.damping_down, 1e-9)
+            damping = max(damping * _DAMPING_DOWN, 1e-9)
         else:
             converged = float(np.abs(step).max()) < options.step_tolerance or damping > 1e6
-            damping *= options.damping_up
+            damping *= _DAMPING_UP
     if not accepted:  # whatever the objective keeps of its last evaluation is that of the result
         equations = objective.linearize(state)
         evaluations += 1

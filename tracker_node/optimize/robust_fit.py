@@ -35,23 +35,11 @@ class Fitted(Protocol):
 F = TypeVar("F", bound=Fitted)
 
 
-@dataclass(frozen=True)
-class RobustFitOptions:
-    """When a fit is accepted, and what is tried if it is not.
-
-    Attributes
-    ----------
-    trusted_share : a fit that scores no more than this fraction of what the body scores by chance around it has found the body.
-    chance : so many hypotheses give what that is.
-    refits : so many hypotheses of a search are fitted at most, the best first.
-    searches : so often, each with other hypotheses and twice as many, until a fit is accepted.
-    """
-
-    trusted_share: float = 0.5
-    chance: int = 16
-    refits: int = 4
-    searches: int = 3
-    search: RobustStartOptions = field(default_factory=lambda: RobustStartOptions(0.35, 0.6))
+_TRUSTED_SHARE = 0.5  # of what the body scores by chance around a fit: one that scores no more has found the body
+_CHANCE = 16  # hypotheses give what that is
+_REFITS = 4  # hypotheses of a search are fitted at most, the best first
+_SEARCHES = 3  # each with other hypotheses and twice as many, until a fit is accepted
+_AROUND = RobustStartOptions(0.35, 0.6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +48,7 @@ class RobustFit(Generic[F]):
 
     Attributes
     ----------
-    trusted : it scores far better than chance, see `RobustFitOptions.trusted_share`.
+    trusted : it scores far better than chance.
     fits : how many there were; one, where nothing had to be searched.
     evaluations : those of all fits, and all hypotheses.
     """
@@ -77,7 +65,7 @@ class RobustFit(Generic[F]):
 
 
 def fit_robustly(
-    objective: ScoreObjective, start: State, fit: Callable[[State], F], options: RobustFitOptions | None = None
+    objective: ScoreObjective, start: State, fit: Callable[[State], F], around: RobustStartOptions = _AROUND
 ) -> RobustFit[F]:
     """Fit; where the score is too near to chance, search around the start and fit the best hypotheses. Deterministic.
 
@@ -86,22 +74,21 @@ def fit_robustly(
     objective : its score judges the fits, and hypotheses.
     start : state to begin at.
     fit : any optimizer from a start.
-    options : None: the defaults.
+    around : hypotheses of the first search.
 
     Returns
     -------
     The best of all fits.
     """
-    options = options or RobustFitOptions()
     best = fit(start)
-    score, fits, evaluations = objective.score(best.state), 1, best.evaluations + options.chance
-    trusted_score = options.trusted_share * chance_level(objective, best.state, options.chance, options.search)
+    score, fits, evaluations = objective.score(best.state), 1, best.evaluations + _CHANCE
+    trusted_score = _TRUSTED_SHARE * chance_level(objective, best.state, _CHANCE, around)
     if score <= trusted_score:
         return RobustFit(best, score, True, fits, evaluations)
-    for number in range(options.searches):
-        ways = replace(options.search, n=options.search.n << number, seed=options.search.seed + 100 * number)
+    for number in range(_SEARCHES):
+        ways = replace(around, n=around.n << number, seed=around.seed + 100 * number)
         evaluations += ways.evaluations
-        for hypothesis in search(objective, start, ways)[: options.refits]:
+        for hypothesis in search(objective, start, ways)[:_REFITS]:
             again = fit(hypothesis.state)
             fits, evaluations = fits + 1, evaluations + again.evaluations
             again_score = objective.score(again.state)
@@ -114,7 +101,7 @@ def fit_robustly(
 
 def align_robustly(
     objective: ScoreObjective, pyramid: PyramidObjective, start: State, chain: KinematicChain,
-    options: RobustFitOptions | None = None,
+    around: RobustStartOptions = _AROUND,
 ) -> RobustFit[OptimizerResult]:  # fmt: skip
     """`fit_robustly` by alignment.
 
@@ -122,13 +109,13 @@ def align_robustly(
     ----------
     objective, pyramid : score, and least squares on levels, of the same images.
     start, chain : state to begin at, and the limits of its joints.
-    options : None: the defaults.
+    around : hypotheses of the first search.
 
     Returns
     -------
     The best of all alignments.
     """
-    return fit_robustly(objective, start, lambda state: align(pyramid, state, chain), options)
+    return fit_robustly(objective, start, lambda state: align(pyramid, state, chain), around)
 
 
 class ScoredPyramid(ScoreObjective, PyramidObjective, Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -47,15 +47,6 @@ class PartialObjective(ScoreObjective, Protocol):
         ...
 
 
-class ScoredState(NamedTuple):
-    """One scored state: which stage of the schedule asked, for which variable (None: all at once), and the answer."""
-
-    stage: int
-    variable: int | None
-    variables: np.ndarray
-    score: float
-
-
 @dataclass(frozen=True, eq=False)
 class SearchResult:
     """The best state of all that the last stage scored.
@@ -67,7 +58,6 @@ class SearchResult:
     evaluations : scores asked for.
     evaluations_per_variable : (n,) those along each variable; what served all at once is shared out evenly over the active ones.
     converged : the rule that ends the search was met; a fact of the run, not an error.
-    trace : every evaluation in order, where asked for.
     """
 
     state: State
@@ -76,7 +66,6 @@ class SearchResult:
     evaluations: int
     evaluations_per_variable: np.ndarray
     converged: bool
-    trace: tuple[ScoredState, ...] = ()
 
 
 _ALIKE = 3  # times as many links
@@ -85,27 +74,19 @@ _ALIKE = 3  # times as many links
 class VariableSpace:
     """Pose variables within the joints' limits, scored and counted."""
 
-    def __init__(self, objective: ScoreObjective, start: State, chain: KinematicChain, keep_trace: bool = False):
+    def __init__(self, objective: ScoreObjective, start: State, chain: KinematicChain):
         free = np.full(configuration.N_ROOT, np.inf)
         self.lower, self.upper = np.concatenate([-free, chain.lower]), np.concatenate([free, chain.upper])
         self.start = np.clip(configuration.to_variables(start), self.lower, self.upper)
         self.size = len(self.start)
         self.evaluations = 0
         self.per_variable = np.zeros(self.size)
-        self.trace: list[ScoredState] | None = [] if keep_trace else None
         self._whole = self._objective = self._staged = objective
         self._moved = [frozenset(np.flatnonzero(moved).tolist()) for moved in chain.link_moved_by.T]
-        self._stage, self._row_step, self._held = 0, 1, tuple[int, ...]()
+        self._row_step, self._held = 1, tuple[int, ...]()
 
-    def begin_stage(self, stage: int, row_step: int) -> None:
-        """What is scored from now on.
-
-        Parameters
-        ----------
-        stage : its number, for the trace.
-        row_step : every n-th image row is scored; 1 leaves the objective as it was given.
-        """
-        self._stage = stage
+    def begin_stage(self, row_step: int) -> None:
+        """Score every n-th image row from now on; 1 leaves the objective as it was given."""
         if row_step != self._row_step:
             self._row_step, self._held = row_step, ()
             self._staged = self._objective = self._whole if row_step == 1 else self._whole.at_row_step(row_step)
@@ -169,8 +150,6 @@ class VariableSpace:
             self.per_variable[variable] += len(states)
         elif len(active):
             self.per_variable[list(active)] += len(states) / len(active)
-        if self.trace is not None:
-            self.trace += [ScoredState(self._stage, variable, x.copy(), float(f)) for x, f in zip(points, values, strict=True)]
         return values
 
     def result(self, x: np.ndarray, score: float, converged: bool) -> SearchResult:
@@ -186,6 +165,5 @@ class VariableSpace:
         With all counts; not converged where the score is infinite.
         """
         return SearchResult(
-            configuration.from_variables(x), x, score, self.evaluations, self.per_variable,
-            converged and math.isfinite(score), tuple(self.trace or ()),
-        )  # fmt: skip
+            configuration.from_variables(x), x, score, self.evaluations, self.per_variable, converged and math.isfinite(score)
+        )

@@ -30,27 +30,16 @@ class SimplexStage:
     max_evaluations: int = 60
 
 
-@dataclass(frozen=True)
-class SimplexOptions:
-    """Stages in order; the last one decides whether the search has converged."""
-
-    stages: tuple[SimplexStage, ...] = (
-        SimplexStage(0.08, math.radians(8.0), 0.15, 8),
-        SimplexStage(0.02, math.radians(2.0), 0.1, 4),
-        SimplexStage(0.003, math.radians(0.3), 0.02, 1),
-    )
-    trace: bool = False
-
-    def __post_init__(self):
-        if not self.stages:
-            raise ValueError("expected one stage at least, got none")
-
-
-POLISH = SimplexOptions((SimplexStage(0.006, math.radians(0.6), 0.02, 1),))
+STAGES = (
+    SimplexStage(0.08, math.radians(8.0), 0.15, 8),
+    SimplexStage(0.02, math.radians(2.0), 0.1, 4),
+    SimplexStage(0.003, math.radians(0.3), 0.02, 1),
+)
+POLISH = (SimplexStage(0.006, math.radians(0.6), 0.02, 1),)
 
 
 def search_simplex(
-    objective: ScoreObjective, start: State, chain: KinematicChain, options: SimplexOptions | None = None,
+    objective: ScoreObjective, start: State, chain: KinematicChain, stages: Sequence[SimplexStage] = STAGES,
     active: Sequence[int] | None = None,
 ) -> SearchResult:  # fmt: skip
     """Minimize over all active variables at once; deterministic.
@@ -58,19 +47,18 @@ def search_simplex(
     Parameters
     ----------
     objective, start, chain : see `stepping.step_downhill`.
-    options : stages; None: the defaults.
+    stages : one at least, in order; the last one decides whether the search has converged.
     active : indices of the variables that may move; None: all.
 
     Returns
     -------
     Converged where the last stage has.
     """
-    options = options or SimplexOptions()
-    space = VariableSpace(objective, start, chain, options.trace)
+    space = VariableSpace(objective, start, chain)
     variables = list(range(space.size)) if active is None else list(active)
     x, score, converged = space.start.copy(), math.inf, False
-    for number, stage in enumerate(options.stages):
-        space.begin_stage(number, stage.row_step)
+    for stage in stages:
+        space.begin_stage(stage.row_step)
         x, score, converged = _run_stage(space, x, variables, stage)
         if not math.isfinite(score):
             break

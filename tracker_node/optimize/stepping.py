@@ -23,6 +23,8 @@ from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
 from .score_objective import ScoreObjective, SearchResult, VariableSpace
 
+_INCREASES = 2  # consecutive ones of the score end a line
+_MOST_STEPS = 40  # also end it, which a slope without an end would need
 V_WHERE = ("every_line", "last_loop", "never")
 
 
@@ -65,26 +67,18 @@ class SteppingOptions:
     ----------
     schedule : the loops.
     order : indices of the variables (`model.configuration.to_variables`) in the order they are stepped; None: all, in their own.
-    increases : a line ends after so many consecutive increases of the score.
     v : where the V-algorithm is used: ``every_line``, ``last_loop`` or ``never``.
-    max_steps : a line also ends after so many steps, which a slope without an end would need.
-    trace : keep every evaluation.
     """
 
     schedule: tuple[LoopOptions, ...] = FIVE_LOOPS
     order: tuple[int, ...] | None = None
-    increases: int = 2
     v: str = "every_line"
-    max_steps: int = 40
-    trace: bool = False
 
     def __post_init__(self):
         if not self.schedule:
             raise ValueError("expected a schedule of one loop at least, got none")
         if self.v not in V_WHERE:
             raise ValueError(f"expected v, one of {V_WHERE}, got '{self.v}'")
-        if self.increases < 1 or self.max_steps < 1:
-            raise ValueError(f"expected increases and max_steps of 1 or more, got {self.increases}, {self.max_steps}")
 
 
 @dataclass(frozen=True)
@@ -98,7 +92,7 @@ class LineWalk:
 
 def _walk_line(
     scores_at: Callable[[list[float]], np.ndarray], place: float, score: float, step: float, limits: tuple[float, float],
-    options: SteppingOptions, use_v: bool,
+    use_v: bool,
 ) -> LineWalk:  # fmt: skip
     """Walk along one variable: both neighbors, then on in the lower one's direction until the score has risen often enough.
 
@@ -114,8 +108,8 @@ def _walk_line(
     places, values = [neighbors[1], place, neighbors[0]], [f_down, score, f_up]
     rises, steps = int(f_up >= score), 1
     wall = False
-    while rises < options.increases and steps < options.max_steps and not wall:
-        count = min(options.increases - rises, options.max_steps - steps)
+    while rises < _INCREASES and steps < _MOST_STEPS and not wall:
+        count = min(_INCREASES - rises, _MOST_STEPS - steps)
         ahead = [min(max(places[-1] + i * step, lower), upper) for i in range(1, count + 1)]
         ahead = [b for a, b in zip([places[-1], *ahead], ahead, strict=False) if b != a]
         wall = len(ahead) < count
@@ -127,7 +121,7 @@ def _walk_line(
     best = min(range(len(values)), key=values.__getitem__)
     if values[best] >= score:
         best = 1  # stay where nothing is better
-    line = LineWalk(places[best], values[best], rises >= options.increases or wall)
+    line = LineWalk(places[best], values[best], rises >= _INCREASES or wall)
     refined = vertex(places, values) if use_v else None
     if refined is None or refined in places:
         return line
@@ -151,15 +145,15 @@ def step_downhill(
 
     Returns
     -------
-    Not converged: the start cannot be scored, or a line of the last loop was cut off by ``max_steps``.
+    Not converged: the start cannot be scored, or a line of the last loop took too many steps.
     """
     options = options or SteppingOptions()
-    space = VariableSpace(objective, start, chain, options.trace)
+    space = VariableSpace(objective, start, chain)
     order = range(space.size) if options.order is None else options.order
     variables = [i for i in order if active is None or i in active]
     x, score, converged = space.start.copy(), math.inf, False
     for number, loop in enumerate(options.schedule):
-        space.begin_stage(number, loop.row_step)
+        space.begin_stage(loop.row_step)
         if number == 0 or loop.row_step != options.schedule[number - 1].row_step:
             score = float(space.scores([x], active=variables)[0])
         if not math.isfinite(score):
@@ -179,7 +173,7 @@ def step_downhill(
 
                 step = loop.step_m if i < 3 else loop.step_rad
                 limits = float(space.lower[i]), float(space.upper[i])
-                line = _walk_line(scores_at, float(x[i]), score, step, limits, options, use_v)
+                line = _walk_line(scores_at, float(x[i]), score, step, limits, use_v)
                 x[i], score, converged = line.place, line.score, converged and line.ended
     return space.result(x, score, converged)
 

@@ -150,11 +150,7 @@ def commit_of(root: Path) -> str | None:
 
 def _plain(value: float | int) -> float | int | None:
     """A number that JSON has."""
-    if isinstance(value, (bool, np.bool_)):
-        return int(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    return finite(value)
+    return int(value) if isinstance(value, (int, np.bool_, np.integer)) else finite(value)
 
 
 def _text(value: float | int) -> str:

@@ -156,32 +156,6 @@ class OfflineRun(Recording):
     asked: Mapping[str, Any] = field(default_factory=dict)
 
 
-def run_offline(
-    run: OfflineRun, output: str | Path, progress: Progress | None = None, tell: Callable[[str], None] = lambda sentence: None
-) -> dict[str, Any]:
-    """Track, write the output folder, and return what ``run.json`` holds.
-
-    An error in the middle (a damaged file, images of a wrong size) ends the run, but what was tracked until then is in the
-    folder, and ``errors`` of the summary names it.
-
-    Parameters
-    ----------
-    run : what to track.
-    output : folder, made here.
-    progress : called after each set with its number, how many are expected, and its estimate.
-    tell : called with a sentence for all that is wrong with the sources, or unusual, before anything is tracked.
-
-    Returns
-    -------
-    summary : content of ``run.json``.
-
-    Raises
-    ------
-    TrackerError : nothing can be tracked at all.
-    """
-    return run_together({run.model.name: run}, {run.model.name: Path(output)}, progress, tell)[run.model.name]
-
-
 @dataclass(frozen=True, eq=False)
 class JoiningRun:
     """People who may join a run.
@@ -202,14 +176,17 @@ def run_together(
     runs: Mapping[str, OfflineRun], outputs: Mapping[str, Path], progress: Progress | None = None,
     tell: Callable[[str], None] = lambda sentence: None, joining: JoiningRun | None = None,
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
-    """Track several bodies in the same images, each of which knows of the others; otherwise as `run_offline`.
+    """Track one body, or several in the same images, each of which knows of the others, and write the folders of the runs.
+
+    An error in the middle (a damaged file, images of a wrong size) ends the run, but what was tracked until then is in the
+    folders, and ``errors`` of the summary names it.
 
     Parameters
     ----------
     runs : by the name of the body; rig, images, points, detection and joint states are those of the first.
     outputs : by the name of the body, the folder of its run, made here.
-    progress : called after each set, with the estimate of whichever body is worst off.
-    tell : see `run_offline`.
+    progress : called after each set with its number, how many are expected, and the estimate of whichever body is worst off.
+    tell : called with a sentence for all that is wrong with the sources, or unusual, before anything is tracked.
     joining : people who come and go beside these, who may be none; None: nobody does.
 
     Returns

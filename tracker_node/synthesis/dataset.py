@@ -201,14 +201,12 @@ def _write_backgrounds(studio: Studio, folder: Path) -> None:
 
 
 def _write_rig(rig: CameraRig, folder: Path, backgrounds: bool) -> None:
-    rig_file = rig_file_of(rig)
-    cameras = {
-        name: entry.model_copy(
-            update={"source": name, "background": f"backgrounds/{name}.png" if backgrounds else entry.background}
-        )
-        for name, entry in rig_file.cameras.items()
-    }
-    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")
+    changes = {
+        camera.name: {
+            "source": camera.name, "background": f"backgrounds/{camera.name}.png" if backgrounds else camera.background
+        } for camera in rig
+    }  # fmt: skip
+    write_rig_file(rig_file_of(rig).with_cameras(changes), folder / "rig.yaml")
 
 
 def _write_states(sequence: Sequence, path: Path) -> None:

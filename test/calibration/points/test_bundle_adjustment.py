@@ -130,7 +130,7 @@ def small_problem(n: int = 4, **options):
 
 
 def test_the_cost_is_cauchys_loss_and_the_prior_in_standard_deviations():
-    problem, _ = small_problem(robust_scale_px=8.0, center_sigma_m=0.5, rotation_sigma_rad=0.2)
+    problem, _ = small_problem(robust_scale_px=8.0)
     T, points = problem.given_Ts_cam_world, problem.start_points
     assert problem.cost(T, points) == pytest.approx(0.0, abs=1e-9)
     problem.pixels = problem.pixels.copy()

@@ -5,9 +5,10 @@ import pytest
 
 from helpers.bodies.bodies import crane
 from helpers.cameras.camera_rigs import circle_rig
-from tracker_node.calibration.tracked_body.body_fit import BodyFitOptions, motions_of, pose_priors
+from tracker_node.calibration.tracked_body.body_fit import motions_of, pose_priors
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.tracking.config import TrackerConfig
 
 RIG = circle_rig(3)
 PIXELS = np.zeros((2, 2, 3), np.uint8)
@@ -36,12 +37,12 @@ def test_of_a_body_that_stands_still_delays_do_not_matter(velocities):
 def test_poses_are_held_by_metres_and_radians():
     model = crane()
     states = [State.neutral(model), State.neutral(model).retract(0.1 * np.ones(model.n_dof))]
-    options = BodyFitOptions(stay_sigma_m=0.5, stay_sigma_rad=0.25)
-    priors = pose_priors(model, states, options)
+    config = TrackerConfig()
+    priors = pose_priors(model, states, config)
     assert len(priors) == 2
     for state, (stay, rest) in zip(states, priors, strict=True):
         assert stay.mean is state
-        assert stay.information.tolist() == [4.0] * 3 + [16.0] * (model.n_dof - 3)
-        pulls = [options.config.motion.neutral_angle * axis.stiffness / 18.0 for axis in model.chain.axes]
+        assert stay.information.tolist() == pytest.approx([25.0] * 3 + [1.0 / 0.09] * (model.n_dof - 3))
+        pulls = [config.motion.neutral_angle * axis.stiffness / 18.0 for axis in model.chain.axes]
         assert rest.information.tolist() == pytest.approx([0.0] * 6 + pulls)
         np.testing.assert_array_equal(rest.mean.T_world_root, state.T_world_root)

@@ -93,11 +93,8 @@ def test_a_camera_that_is_gone_is_named(clip: Clip, tmp_path: Path, capsys: pyte
 def with_sources(clip: Clip, folder: Path, **sources: str | None) -> Path:
     """A rig.yaml in ``folder`` of the clip's cameras with other sources."""
     rig = read_rig_file(clip.rig_file)
-    cameras = {
-        name: entry.model_copy(update={"source": sources.get(name, str(clip.folder / name)), "background": None})
-        for name, entry in rig.cameras.items()
-    }
-    write_rig_file(rig.model_copy(update={"cameras": cameras}), folder / "rig.yaml")
+    changes = {name: {"source": sources.get(name, str(clip.folder / name)), "background": None} for name in rig.cameras}
+    write_rig_file(rig.with_cameras(changes), folder / "rig.yaml")
     return folder / "rig.yaml"
 
 

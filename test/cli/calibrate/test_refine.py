@@ -48,8 +48,7 @@ def test_joints_in_calibration_pixels_of_a_mapped_video(files, capsys):
     """The map is kept in the file, and only used where the joints are in the file's pixels."""
     rig_file = read_rig_file(files / "rig.yaml")
     mapped = {"pixel_map": ((2.0, 0.0, 0.5), (0.0, 2.0, 0.5)), "file_image_size": (320, 240)}
-    cameras = {**rig_file.cameras, "cam02": rig_file.cameras["cam02"].model_copy(update=mapped)}
-    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), files / "rig.yaml")
+    write_rig_file(rig_file.with_cameras({"cam02": mapped}), files / "rig.yaml")
     assert refine(files) == 2
     assert "say with --pixels" in capsys.readouterr().err
     assert refine(files, "--pixels", "calibration") == 0

@@ -64,12 +64,9 @@ def test_wrong_arguments_are_one_line(folder, inputs, message, capsys):
 
 def late(folder, tmp_path, seconds, **others):
     """The rig with the clock of cam1 later, and other sources."""
-    rig_file = rig_file_of(load_rig(folder / "rig.yaml"))
-    cameras = dict(rig_file.cameras)
-    cameras["cam1"] = cameras["cam1"].model_copy(update={"time_offset_s": seconds})
-    for name, source in others.items():
-        cameras[name] = cameras[name].model_copy(update={"source": str(source)})
-    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), tmp_path / "late.yaml")
+    rig_file = rig_file_of(load_rig(folder / "rig.yaml")).with_cameras({"cam1": {"time_offset_s": seconds}})
+    sources = {name: {"source": str(source)} for name, source in others.items()}
+    write_rig_file(rig_file.with_cameras(sources), tmp_path / "late.yaml")
     return str(tmp_path / "late.yaml")
 
 

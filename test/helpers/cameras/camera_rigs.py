@@ -37,10 +37,8 @@ def disturbed(rig: CameraRig, seed: int = 3, angle: float = 0.02, distance: floa
 def in_millimetres(source: Path, target: Path) -> Path:
     """Write a rig file as it would be with its places in millimeters."""
     rig = read_rig_file(source)
-    cameras = {}
-    for name, entry in rig.cameras.items():
-        rows = np.array(entry.T_world_cam)
-        rows[:3, 3] *= 1000.0
-        cameras[name] = entry.model_copy(update={"T_world_cam": tuple(map(tuple, rows.tolist()))})
-    write_rig_file(rig.model_copy(update={"cameras": cameras}), target)
+    places = {name: np.array(entry.T_world_cam) for name, entry in rig.cameras.items()}
+    for place in places.values():
+        place[:3, 3] *= 1000.0
+    write_rig_file(rig.with_extrinsics(places), target)
     return target

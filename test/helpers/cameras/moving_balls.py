@@ -66,6 +66,4 @@ def write_balls(folder: Path, n_cameras: int = 3, n_images: int = 16) -> None:
         (folder / name).mkdir(parents=True)
         for i, image in enumerate(images):
             cv2.imwrite(str(folder / name / f"{i:03}.png"), image)
-    rig_file = rig_file_of(rig)
-    cameras = {name: entry.model_copy(update={"source": name}) for name, entry in rig_file.cameras.items()}
-    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), folder / "rig.yaml")
+    write_rig_file(rig_file_of(rig).with_cameras({name: {"source": name} for name in rig.names}), folder / "rig.yaml")

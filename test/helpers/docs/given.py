@@ -304,9 +304,7 @@ def plate(place: Place) -> None:
         (place.folder / camera.name).mkdir()
         for i in range(3):
             cv2.imwrite(str(place.folder / camera.name / f"{i}.png"), image)
-    rig_file = rig_file_of(rig)
-    cameras = {name: entry.model_copy(update={"source": name}) for name, entry in rig_file.cameras.items()}
-    write_rig_file(rig_file.model_copy(update={"cameras": cameras}), place.folder / "rig.yaml")
+    write_rig_file(rig_file_of(rig).with_cameras({name: {"source": name} for name in rig.names}), place.folder / "rig.yaml")
 
 
 def live_cameras(place: Place) -> None:

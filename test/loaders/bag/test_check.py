@@ -24,8 +24,8 @@ from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders.bag import mcap_recovery
 from tracker_node.loaders.bag.check import check_bag, figures_of, repair_bag
 from tracker_node.loaders.bag.message_types import typestore
-from tracker_node.loaders.bag.metadata import OfferedQos
-from tracker_node.loaders.bag.reader import BagReader, BagTopic
+from tracker_node.loaders.bag.metadata import BagTopic, OfferedQos
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.runs.load import load_run
 
@@ -148,7 +148,7 @@ def test_metadata_that_lies(bag: Path, tmp_path: Path) -> None:
 
 
 def test_rates_gaps_and_order() -> None:
-    topic = BagTopic("/a", STRING, 0, OfferedQos(), "")
+    topic = BagTopic("/a", STRING, "", OfferedQos())
     stamps = np.arange(100) * 10_000_000
     assert figures_of(topic, stamps).rate_hz == pytest.approx(100.0)
     with_gaps = np.delete(stamps, [20, 21, 22, 50, 51, 52, 53, 54])

@@ -12,14 +12,14 @@ from tracker_node import __version__
 from tracker_node.loaders.bag import file as bag_file
 from tracker_node.loaders.bag.file import BagFile, DiskReserve, LatchedMessages, WrittenPages
 from tracker_node.loaders.bag.message_types import typestore
-from tracker_node.loaders.bag.metadata import OfferedQos, TimeSpan, TopicRecord
+from tracker_node.loaders.bag.metadata import BagTopic, OfferedQos, TimeSpan
 from tracker_node.loaders.bag.writer import BagWriter
 
 MESSAGE_HEAD = 1 + 8 + 2 + 4 + 8 + 8  # opcode, length, channel, sequence, two stamps
 
 
-def topic(name: str, kind: str = "std_msgs/msg/String", definition: str = "string data") -> TopicRecord:
-    return TopicRecord(name, kind, "RIHS01_ab", OfferedQos(depth=3), definition=definition)
+def topic(name: str, kind: str = "std_msgs/msg/String", definition: str = "string data") -> BagTopic:
+    return BagTopic(name, kind, "RIHS01_ab", OfferedQos(depth=3), definition=definition)
 
 
 @pytest.fixture
@@ -216,7 +216,7 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 def latched_topic(name, kind="std_msgs/msg/String", qos=LATCHED):
-    return TopicRecord(name, kind, "", qos)
+    return BagTopic(name, kind, "", qos)
 
 
 def transforms(*frames, x=0.0):

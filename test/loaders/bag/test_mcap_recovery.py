@@ -21,7 +21,7 @@ from tracker_node.loaders.bag.mcap_recovery import (
     unpacked_zstd,
 )
 from tracker_node.loaders.bag.mcap_writer import McapWriter
-from tracker_node.loaders.bag.metadata import OfferedQos, TopicRecord
+from tracker_node.loaders.bag.metadata import BagTopic, OfferedQos
 
 
 def message(channel, stamp_ns, publish_ns=0):
@@ -259,7 +259,7 @@ def test_compressions():
 def small_bag(tmp_path):
     file = BagFile(tmp_path / "a.mcap", chunk_bytes=1000, compression="")
     for name in ("/a", "/b"):
-        file.add_topic(TopicRecord(name, "std_msgs/msg/String", "", OfferedQos()))
+        file.add_topic(BagTopic(name, "std_msgs/msg/String", "", OfferedQos()))
     for name, stamp in (("/a", 90), ("/b", 50), ("/a", 70)):
         file.write(name, 0, stamp, stamp, name.encode())
     file.finish({})

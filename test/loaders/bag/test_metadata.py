@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from tracker_node.loaders.bag.metadata import OfferedQos, TimeSpan, TopicRecord, bag_information, offered_in, write_metadata
+from tracker_node.loaders.bag.metadata import BagTopic, OfferedQos, TimeSpan, bag_information, offered_in, write_metadata
 
 
 def test_a_span_over_several_leaves_out_empty_ones():
@@ -33,7 +33,7 @@ def test_qos_without_limits_as_rosbag2_writes_it():
 
 @pytest.mark.parametrize(("custom", "shown"), [({}, None), ({"a": "b"}, {"a": "b"})])
 def test_information_of_a_bag(custom, shown):
-    topic = TopicRecord("/a", "std_msgs/msg/String", "RIHS01_1", OfferedQos(), 4)
+    topic = BagTopic("/a", "std_msgs/msg/String", "RIHS01_1", OfferedQos(), 4)
     files = {"b_0.mcap": TimeSpan(10, 20, 3), "b_1.mcap": TimeSpan(25, 40, 1)}
     information = bag_information(files, [topic], custom)
     assert list(information)[:3] == ["version", "storage_identifier", "starting_time"]

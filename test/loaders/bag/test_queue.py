@@ -43,7 +43,7 @@ def queue_of(writer: BagWriter, **options) -> BagQueue:
 def test_everything_put_in_is_in_the_bag(tmp_path: Path) -> None:
     bag = queue_of(BagWriter(tmp_path / "run"))
     messages = [bytes([0, 1, 0, 0, i]) for i in range(200)]
-    assert all(bag.put("/a", i, data, i - 1) for i, data in enumerate(messages))
+    assert all(bag.put("/a", i, data) for i, data in enumerate(messages))
     bag.close()
     with BagReader(tmp_path / "run") as reader:
         assert [message.data for message in reader.messages()] == messages

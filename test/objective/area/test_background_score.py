@@ -15,7 +15,7 @@ from tracker_node.model.configuration import Configuration, State, from_variable
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box, TruncatedCone
-from tracker_node.objective.area.background_score import BackgroundObjective, BackgroundOptions
+from tracker_node.objective.area.background_score import _UNKNOWN_COST, BackgroundObjective
 from tracker_node.optimize.score_objective import PartialObjective
 from tracker_node.optimize.stepping import SteppingOptions, schedule, step_downhill
 from tracker_node.parallel import Workers
@@ -46,8 +46,8 @@ def images(state: State = STATE) -> list[np.ndarray]:
     return made
 
 
-def objective(given: list, **options) -> BackgroundObjective:
-    made = BackgroundObjective(MODEL, RIG, COLORS, backgrounds(), BackgroundOptions(**options))
+def objective(given: list) -> BackgroundObjective:
+    made = BackgroundObjective(MODEL, RIG, COLORS, backgrounds())
     made.set_images(given)
     return made
 
@@ -101,7 +101,7 @@ def test_a_camera_close_to_the_axis_of_a_cone_scores_the_same_whatever_came_befo
     model = single_shape(TruncatedCone(0.3, 0.3, 0.4, 0.0, 0.5)).model
     lens = CameraModel(160, 120, np.array([[100.0, 0.0, 80.0], [0.0, 100.0, 60.0], [0.0, 0.0, 1.0]]))
     camera = look_at((0.0, 0.01, 3.0), (0.0, 0.0, 0.0), lens)
-    rng, color, unknown = np.random.default_rng(0), np.array([[[200.0, 40.0, 90.0]]]), 0.7
+    rng, color, unknown = np.random.default_rng(0), np.array([[[200.0, 40.0, 90.0]]]), _UNKNOWN_COST
     image = rng.integers(0, 255, (120, 160, 3), dtype=np.uint8)
     states = [State.neutral(model, se3.exp([x, 0.0, 0.0, 0.0, tilt, 0.0])) for x, tilt in ((0.5, 0.9), (0.0, 0.0), (-0.6, 1.2))]
     expected = []
@@ -111,8 +111,7 @@ def test_a_camera_close_to_the_axis_of_a_cone_scores_the_same_whatever_came_befo
         gain = unknown * inside.sum() - cost(image[:, :, ::-1][inside].astype(float), color[0, 0]).sum()
         expected.append(1.0 - gain / (unknown * inside.size))
     for threads in (1, 2):
-        options = BackgroundOptions(unknown_cost=unknown)
-        made = BackgroundObjective(model, CameraRig((camera,)), color, [None], options, Workers(threads))
+        made = BackgroundObjective(model, CameraRig((camera,)), color, [None], workers=Workers(threads))
         made.set_images([image])
         np.testing.assert_allclose(made.scores(states), expected, atol=2e-3)
         np.testing.assert_array_equal(made.scores(states[::-1])[::-1], made.scores(states))

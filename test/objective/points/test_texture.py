@@ -11,14 +11,15 @@ from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
+from tracker_node.objective.points import texture
 from tracker_node.objective.points.surface_points import surface_points
-from tracker_node.objective.points.texture import TextureObjective, TextureOptions
+from tracker_node.objective.points.texture import TextureObjective
 from tracker_node.optimize.alignment import AlignmentOptions, align
 from tracker_node.render.raycast.raycaster import render_color
 
 
-def objective(images, **options) -> TextureObjective:
-    made = TextureObjective(MODEL, rig(), TextureOptions(**options))
+def objective(images) -> TextureObjective:
+    made = TextureObjective(MODEL, rig())
     made.set_images(images)
     return made
 
@@ -51,10 +52,11 @@ def test_brightness_and_contrast_do_not_change_the_score():
     assert objective(negative).score(TRUE) > 0.95, "a negative is not the picture"
 
 
-def test_gradient_matches_finite_differences():
+def test_gradient_matches_finite_differences(monkeypatch):
     images = [cv2.GaussianBlur(image, (0, 0), 6.0) for image in film(noise=0.0)]
     state = moved(TRUE, 0.01, 2.0)
-    level, step = objective(images, robust_scale=1e4).at_level(0), 1e-6
+    monkeypatch.setattr(texture, "_ROBUST_SCALE", 1e4)
+    level, step = objective(images).at_level(0), 1e-6
     equations = level.linearize(state)
 
     def cost(tangent: np.ndarray) -> float:

@@ -12,6 +12,7 @@ import pytest
 
 from helpers.cameras.person_clip import TrueDetector, make_person_clip, true_person
 from helpers.cameras.small_clip import Clip
+from helpers.one_run import run_offline
 from helpers.sources.sample import sample_or_skip
 from helpers.sources.weights import weights_or_skip
 from tracker_node.cli.main import main
@@ -24,7 +25,7 @@ from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.messages import IMAGE, image, keypoints, people_of
-from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.offline import OfflineRun
 from tracker_node.runs.people.detection import DetectionOptions
 
 N_IMAGES = 5

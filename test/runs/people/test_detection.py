@@ -9,6 +9,7 @@ import pytest
 
 from helpers.cameras.person_clip import TrueDetector, make_person_clip
 from helpers.cameras.small_clip import Clip
+from helpers.one_run import run_offline
 from helpers.sources.weights import weights_or_skip
 from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders.bag.reader import BagReader
@@ -20,7 +21,7 @@ from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import People
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.load import load_run
-from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.offline import OfflineRun
 from tracker_node.runs.people.detection import DetectionOptions, PeopleDetection
 from tracker_node.tracking.config import TrackerConfig
 

@@ -8,6 +8,7 @@ import pytest
 
 from helpers.cameras.person_clip import make_person_clip
 from helpers.cameras.small_clip import Clip, make_clip
+from helpers.one_run import run_offline
 from helpers.sources import point_files as files
 from tracker_node.api.functions import track
 from tracker_node.api.recording import Recording
@@ -25,7 +26,7 @@ from tracker_node.model.humans.keypoints import BODY_25B as TABLE
 from tracker_node.model.humans.keypoints import KeypointTable, LandmarkPoint
 from tracker_node.model.humans.measures import landmark_of_marker
 from tracker_node.runs.config_file import load_config
-from tracker_node.runs.offline import OfflineRun, run_offline
+from tracker_node.runs.offline import OfflineRun
 from tracker_node.runs.people.recorded import PointFiles, open_recorded_people
 from tracker_node.tracking.config import from_dict
 

@@ -16,11 +16,19 @@ from tracker_node.objective.constraints.prior import Prior
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.motion.dynamics import Belief, Dynamics
 from tracker_node.tracking.motion.model import MotionModel
-from tracker_node.tracking.motion.smoother import Measurement, Smoother, smooth, smoothed_covariance
+from tracker_node.tracking.motion.smoother import Measurement, Smoother, smoothed_covariance
 
 N = 8
 CONFIG = MotionConfig(root_position_noise=1.0, root_angle_noise=2.0, joint_noise=3.0)
 DYNAMICS = Dynamics.of(CONFIG, two_links().chain)
+
+
+def smooth(measurements, dynamics, lag_s=np.inf):
+    """One belief per measurement, in their order."""
+    smoother = Smoother(dynamics, lag_s)
+    for measurement in measurements:
+        yield from smoother.add(measurement)
+    yield from smoother.finish()
 
 
 def most_probable(prior: Prior | None, measured: State, information: np.ndarray) -> State:

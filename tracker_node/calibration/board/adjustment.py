@@ -21,6 +21,7 @@ from ...geometry import se3, so3
 from ...optimize.descent import ArrowEquations, descend
 from .lens_parameters import lens_jacobian, lens_of_vector, lens_prior, lens_vector
 
+_CORNER_SIGMA_PX = 0.3  # error of a corner, against which priors count
 CLOCK, N_PLACE = 6, 7  # of a camera's parameters: six for its place, then the clock, then the lens
 
 
@@ -214,7 +215,6 @@ class BoardAdjustmentOptions:
     free_lenses, free_cameras : what may change besides the board's poses.
     free_clocks : also seek the clocks, of all cameras but the first; needs velocities.
     jitter_sigma_s : standard deviation of single stamps; 0: they are exact. Needs velocities.
-    corner_sigma_px : error of a corner, against which priors count.
     max_iterations, tolerance : stop after so many steps, or when a step lowers the cost by less than this fraction.
     """
 
@@ -223,7 +223,6 @@ class BoardAdjustmentOptions:
     free_cameras: bool = True
     free_clocks: bool = False
     jitter_sigma_s: float = 0.0
-    corner_sigma_px: float = 0.3
     max_iterations: int = 60
     tolerance: float = 1e-7
 
@@ -328,7 +327,7 @@ class _Problem:
                 priors += (((lens_vector(lens) - mean) / sigma) ** 2).sum()
         if self.jitters:
             priors += ((state.jitter_s / self.options.jitter_sigma_s) ** 2).sum()
-        return float(cost + self.options.corner_sigma_px**2 * priors)
+        return float(cost + _CORNER_SIGMA_PX**2 * priors)
 
     def linearize(self, state: BoardState) -> BoardEquations:
         """Half the gradient of the cost, and its Gauss-Newton matrix."""
@@ -340,11 +339,11 @@ class _Problem:
             rows = self._rows(state, i, points, world)
             equations.add(rows)
             if self.jitters:
-                precision = (options.corner_sigma_px / options.jitter_sigma_s) ** 2
+                precision = (_CORNER_SIGMA_PX / options.jitter_sigma_s) ** 2
                 equations.eliminate_stamps(rows, state.jitter_s[:, i], precision)
             if options.free_lenses:
                 mean, sigma = lens_prior(lens)
-                precisions = (options.corner_sigma_px / sigma) ** 2
+                precisions = (_CORNER_SIGMA_PX / sigma) ** 2
                 equations.add_lens_prior(i, (lens_vector(lens) - mean) * precisions, precisions)
         equations.hold(options.free_cameras, options.free_clocks and self.moving, options.free_lenses)
         return equations

@@ -124,12 +124,12 @@ def with_clocks(rig_file: RigFile, clocks: Clocks, first_s: Mapping[str, float])
     -------
     A copy.
     """
-    cameras = dict(rig_file.cameras)
+    changes = {}
     for name, first in first_s.items():
-        entry = cameras[name]
+        entry = rig_file.cameras[name]
         offset_s, ppm = clocks.corrected(name, first, entry.time_offset_s, entry.time_drift_ppm)
-        cameras[name] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
-    return rig_file.model_copy(update={"cameras": cameras})
+        changes[name] = {"time_offset_s": offset_s, "time_drift_ppm": ppm}
+    return rig_file.with_cameras(changes)
 
 
 def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | None = None) -> Clocks:

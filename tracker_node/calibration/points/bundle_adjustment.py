@@ -36,6 +36,9 @@ class PointObservations:
             raise ValueError(f"expected pixels of shape {(*self.weights.shape, 2)}, got {self.pixels.shape}")
 
 
+_SIGMAS = 0.5, 0.2  # of the prior on each camera's place (meters) and orientation (radians)
+
+
 @dataclass(frozen=True)
 class AdjustmentOptions:
     """How to adjust.
@@ -43,14 +46,11 @@ class AdjustmentOptions:
     Parameters
     ----------
     robust_scale_px : residual at which an observation's pull stops growing (Cauchy loss), px.
-    center_sigma_m, rotation_sigma_rad : standard deviations of the prior on each camera's place and orientation.
     free_cameras : False to fit the points only.
     max_iterations, tolerance : stop after so many steps, or when a step lowers the cost by less than this fraction.
     """
 
     robust_scale_px: float = 8.0
-    center_sigma_m: float = 0.5
-    rotation_sigma_rad: float = 0.2
     free_cameras: bool = True
     max_iterations: int = 200
     tolerance: float = 1e-7
@@ -160,7 +160,7 @@ class _Problem:
 
     def prior_precision(self) -> np.ndarray:
         """(6,): one over the variance of each part of a prior twist."""
-        return np.repeat([self.options.center_sigma_m, self.options.rotation_sigma_rad], 3) ** -2.0
+        return np.repeat(_SIGMAS, 3) ** -2.0
 
     def cost(self, transforms, points) -> float:
         """Sum of Cauchy losses in units of the robust scale, plus the prior. Points behind a camera forbid the step."""

@@ -29,6 +29,9 @@ from .solver import BodyMotion, Estimate, Problem, SharedPrior, Solution, shared
 Progress = Callable[[str, int, int], None]
 _MEDIAN_OF_CHI2 = 0.455  # of one degree of freedom
 LEAST_LINES = 50  # of all sets together
+ROBUST_PX = 8.0, 3.0, 3.0  # scales of the robust kernel, from coarse to fine; the images are observed anew for each
+CORRELATION = 8.0  # neighboring lines share one error
+_STAY_SIGMA_M, _STAY_SIGMA_RAD = 0.2, 0.3  # how far root and joints may be from the states given
 
 
 @dataclass(frozen=True)
@@ -40,23 +43,13 @@ class BodyFitOptions:
     symmetric : left and right are alike.
     groups : what of the body may change, of `model.shape_parameters.GROUPS`.
     rounds : how often lines are drawn anew for each robust scale. pose_rounds : the same before the body may change.
-    robust_px : scales of the robust kernel, from coarse to fine, pixels; the images are observed anew for each.
-    stay_sigma_rad, stay_sigma_m : how far joints and root may be from the states given.
-    prior_scale : multiplies the standard deviations of the shape prior. Where the lines fit worse than they should, by a factor
-        m in their variance, the body's shapes cannot represent the person. Of that a part is the same in all n sets, so more
-        sets do not help as much as they seem to, and the prior counts more: its variances are divided by 1 + sqrt(n) (m - 1).
-    correlation : how many neighboring lines share one error.
+    config : how the images are processed.
     """
 
     symmetric: bool = True
     groups: tuple[str, ...] = GROUPS
     rounds: int = 4
     pose_rounds: int = 4
-    robust_px: tuple[float, ...] = (8.0, 3.0, 3.0)
-    stay_sigma_rad: float = 0.3
-    stay_sigma_m: float = 0.2
-    prior_scale: float = 1.0
-    correlation: float = 8.0
     config: TrackerConfig = field(default_factory=TrackerConfig)
 
 
@@ -137,27 +130,30 @@ def fit_body(
     evidence = evidence or RegionEvidence(image_sets, options.config)
     space = ShapeSpace(model, options.symmetric, options.groups)
     problem = Problem(
-        space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, options),
-        SharedPrior(options.prior_scale * space.sigmas, np.zeros((len(rig), N_CAMERA))), options.correlation,
+        space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, options.config),
+        SharedPrior(space.sigmas, np.zeros((len(rig), N_CAMERA))), CORRELATION,
         constraints_of(model, options.config),
     )  # fmt: skip
     held = replace(problem, shared=SharedPrior(np.zeros(len(space)), problem.shared.cameras))
-    loop, held_by = JointFit(evidence, options.pose_rounds + options.rounds * len(options.robust_px), progress or _silent), 1.0
+    loop, held_by = JointFit(evidence, options.pose_rounds + options.rounds * len(ROBUST_PX), progress or _silent), 1.0
     start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
-    before = loop.run("poses", held, start, options.robust_px[0], options.pose_rounds)
+    before = loop.run("poses", held, start, ROBUST_PX[0], options.pose_rounds)
     count = sum(len(lines) for lines in loop.draw(held, before.found))
     if count < LEAST_LINES:
         raise TrackerError(f"the body is hardly seen in these images: {count} contour lines in {len(states)} sets")
     after = before
-    for stage, robust_px in enumerate(options.robust_px):
+    for stage, robust_px in enumerate(ROBUST_PX):
         loop.look(problem, after.found, robust_px)
-        if 0 < stage == len(options.robust_px) - 1:  # by now it shows how well a body of such shapes can fit at all
+        if 0 < stage == len(ROBUST_PX) - 1:  # by now it shows how well a body of such shapes can fit at all
+            # Where the lines fit worse than they should, by a factor m in their variance, the body's shapes cannot represent the
+            # person. Of that a part is the same in all n sets, so more sets do not help as much as they seem to, and the prior
+            # counts more: its variances are divided by 1 + sqrt(n) (m - 1).
             excess = misfit_of(problem, after.found, loop.draw(problem, after.found)) - 1.0
             held_by = float(np.sqrt(1.0 + np.sqrt(len(states)) * max(0.0, excess)))
-            problem = replace(problem, shared=SharedPrior(options.prior_scale * space.sigmas / held_by, problem.shared.cameras))
+            problem = replace(problem, shared=SharedPrior(space.sigmas / held_by, problem.shared.cameras))
         after = loop.rounds("body", problem, after, robust_px, options.rounds)
     lines = loop.draw(problem, after.found), loop.draw(problem, before.found)
-    covariance, _ = shared_covariance(problem, lines[0], after.found, options.robust_px[-1])
+    covariance, _ = shared_covariance(problem, lines[0], after.found, ROBUST_PX[-1])
     report = _report(problem, before, after, lines[1], lines[0], held_by * np.sqrt(np.diag(covariance)), loop.iterations)
     body = replace(space.body(after.found.s), clothed=model.clothed or "girth" in options.groups)
     return BodyFit(body, after.found.states, report)
@@ -268,25 +264,23 @@ def motions_of(
     return result
 
 
-def pose_priors(model: ArticulatedModel, states: Sequence[State], options: BodyFitOptions) -> list[list[Prior]]:
+def pose_priors(model: ArticulatedModel, states: Sequence[State], config: TrackerConfig) -> list[list[Prior]]:
     """Priors on the poses: weakly at the states given, and the model's own at neutral angles.
 
     Parameters
     ----------
     model : the body.
     states : one a set.
-    options : their standard deviations.
+    config : with the pull to neutral angles.
 
     Returns
     -------
     Two priors a set.
     """
-    stay = np.full(model.n_dof, options.stay_sigma_rad**-2.0)
-    stay[:3] = options.stay_sigma_m**-2.0
+    stay = np.full(model.n_dof, _STAY_SIGMA_RAD**-2.0)
+    stay[:3] = _STAY_SIGMA_M**-2.0
     neutral = np.zeros(model.n_dof)
-    neutral[N_ROOT_DOF:] = [
-        options.config.motion.neutral_angle * axis.stiffness / PX2_PER_INFORMATION for axis in model.chain.axes
-    ]
+    neutral[N_ROOT_DOF:] = [config.motion.neutral_angle * axis.stiffness / PX2_PER_INFORMATION for axis in model.chain.axes]
     return [[Prior(state, stay), Prior(State.neutral(model, state.T_world_root), neutral)] for state in states]
 
 
@@ -325,13 +319,13 @@ def residuals_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLi
 
     Returns
     -------
-    (n, 3) camera, shape, and residual in pixels.
+    (n, 4) camera, shape, residual in pixels and its variance.
     """
     model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
     rows = []
     for k, own in enumerate(lines):
         residuals, valid = line_residuals(own, model, rig, problem.states_of(estimate, k))
-        rows.append(np.column_stack([own.camera, own.shape, residuals])[valid])
+        rows.append(np.column_stack([own.camera, own.shape, residuals, own.variances])[valid])
     return np.concatenate(rows)
 
 
@@ -347,12 +341,8 @@ def misfit_of(problem: Problem, estimate: Estimate, lines: Sequence[ContourLines
     -------
     Of the median residual: 1 where lines are as accurate as their variances state.
     """
-    model, rig = problem.space.body(estimate.s), problem.rig_of(estimate)
-    ratios = []
-    for k, own in enumerate(lines):
-        residuals, valid = line_residuals(own, model, rig, problem.states_of(estimate, k))
-        ratios.append((residuals**2 / own.variances)[valid])
-    return float(np.median(np.concatenate(ratios))) / _MEDIAN_OF_CHI2
+    residuals, variances = residuals_of(problem, estimate, lines)[:, 2:].T
+    return float(np.median(residuals**2 / variances)) / _MEDIAN_OF_CHI2
 
 
 def line_metrics(residuals: np.ndarray) -> LineMetrics:

@@ -147,13 +147,13 @@ def with_drift(rig_file: RigFile, fit: RigFit, clocks: Mapping[str, ClockDrift],
     -------
     A copy.
     """
-    cameras = dict(rig_file.cameras)
+    changes = {}
     for name, clock in clocks.items():
-        entry = cameras[name]
+        entry = rig_file.cameras[name]
         offset_s = entry.time_offset_s - fit.cameras[name].later_s + clock.later_s + clock.drift * (begins_s - clock.middle_s)
         ppm = entry.time_drift_ppm + 1e6 * clock.drift * (1.0 + 1e-6 * entry.time_drift_ppm)
-        cameras[name] = entry.model_copy(update={"time_offset_s": offset_s, "time_drift_ppm": ppm})
-    return rig_file.model_copy(update={"cameras": cameras})
+        changes[name] = {"time_offset_s": offset_s, "time_drift_ppm": ppm}
+    return rig_file.with_cameras(changes)
 
 
 def drift_metrics(clocks: Mapping[str, ClockDrift]) -> dict[str, float | int]:

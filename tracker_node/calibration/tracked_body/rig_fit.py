@@ -24,6 +24,8 @@ from ...objective.shape_jacobian import FOCAL, N_CAMERA, TIME, ContourLines
 from ...observation.image_set import ImageSet
 from ...tracking.constraints import constraints_of
 from .body_fit import (
+    CORRELATION,
+    ROBUST_PX,
     BodyFitOptions,
     JointFit,
     LineMetrics,
@@ -40,6 +42,7 @@ from .solver import Estimate, Problem, SharedPrior, clustered_covariance, moved_
 SURE_SIGMAS = 3.0  # a delay of fewer is taken for none
 METER_RAD = 0.2  # that count as much as a meter
 LEAST_LINES = 30  # of a camera; fewer do not hold six numbers
+_ROTATION_SIGMA_RAD, _TIME_SIGMA_S, _FOCAL_SIGMA = 0.03, 0.05, 0.03  # how far a camera may be from what the rig says
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class RigFitOptions:
     ----------
     places, times, focal : what of the cameras is sought.
     scale : the cameras may all be nearer to each other, or farther, by one factor, as the size of the body says.
-    center_sigma_m, rotation_sigma_rad, time_sigma_s, focal_sigma : how far it may be from what the rig says.
+    center_sigma_m : how far a camera may be from where the rig says.
     sure_sigmas : a delay of fewer standard deviations is taken for none; 0 leaves them all.
     body : how poses are fitted; its ``groups`` say what of the body may change as well (by default nothing).
     """
@@ -60,9 +63,6 @@ class RigFitOptions:
     focal: bool = False
     scale: bool = False
     center_sigma_m: float = 0.03
-    rotation_sigma_rad: float = 0.03
-    time_sigma_s: float = 0.05
-    focal_sigma: float = 0.03
     sure_sigmas: float = SURE_SIGMAS
     body: BodyFitOptions = field(default_factory=lambda: BodyFitOptions(groups=()))
 
@@ -70,11 +70,11 @@ class RigFitOptions:
         """(`N_CAMERA`,) of one camera's departure; 0 for what is held."""
         result = np.zeros(N_CAMERA)
         if self.places:
-            result[:3], result[3:6] = self.center_sigma_m, self.rotation_sigma_rad
+            result[:3], result[3:6] = self.center_sigma_m, _ROTATION_SIGMA_RAD
         if self.focal:
-            result[FOCAL] = self.focal_sigma
+            result[FOCAL] = _FOCAL_SIGMA
         if self.times:
-            result[TIME] = self.time_sigma_s
+            result[TIME] = _TIME_SIGMA_S
         return result
 
 
@@ -158,19 +158,18 @@ def fit_rig(
     evidence = evidence or RegionEvidence(image_sets, body.config)
     space = ShapeSpace(model, body.symmetric, body.groups)
     held = Problem(
-        space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, body),
-        SharedPrior(np.zeros(len(space)), np.zeros((len(rig), N_CAMERA))), body.correlation,
+        space, rig, motions_of(rig, image_sets, model.n_dof, velocities), pose_priors(model, states, body.config),
+        SharedPrior(np.zeros(len(space)), np.zeros((len(rig), N_CAMERA))), CORRELATION,
         constraints_of(model, body.config),
     )  # fmt: skip
-    free = SharedPrior(body.prior_scale * space.sigmas, np.tile(options.sigmas(), (len(rig), 1)))
+    free = SharedPrior(space.sigmas, np.tile(options.sigmas(), (len(rig), 1)))
     problem = replace(held, shared=free)
-    loop = JointFit(
-        evidence, body.pose_rounds + body.rounds * (len(body.robust_px) + options.times), progress or (lambda *_: None)
-    )
+    n_rounds = body.pose_rounds + body.rounds * (len(ROBUST_PX) + options.times)
+    loop = JointFit(evidence, n_rounds, progress or (lambda *_: None))
     start = Estimate(tuple(states), np.zeros(len(space)), np.zeros((len(rig), N_CAMERA)))
-    before = loop.run("poses", held, start, body.robust_px[0], body.pose_rounds).found
+    before = loop.run("poses", held, start, ROBUST_PX[0], body.pose_rounds).found
     after = before
-    for robust_px in body.robust_px:
+    for robust_px in ROBUST_PX:
         after = loop.run("cameras", problem, after, robust_px, body.rounds).found
     problem, after, time_sigmas_s = _without_doubtful_times(problem, after, loop, options)
     lines = loop.draw(held, before), loop.draw(problem, after)
@@ -179,7 +178,7 @@ def fit_rig(
         count = int(np.sum(residuals[1][:, 0] == i))
         if count < LEAST_LINES:
             raise CalibrationError(camera.name, f"hardly sees the body: {count} contour lines in {len(states)} image sets")
-    sigmas = _sigmas(problem, after, lines[1], body.robust_px[-1], options.scale)
+    sigmas = _sigmas(problem, after, lines[1], ROBUST_PX[-1], options.scale)
     sigmas[:, TIME] = time_sigmas_s
     fitted, moved, scale = settled(rig, problem, after, options.scale)
     cameras = {c.name: _camera_fit(i, c, fitted.cameras[i], after.cameras[i], sigmas[i], residuals) for i, c in enumerate(rig)}
@@ -205,8 +204,7 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
     """
     if not np.any(problem.shared.cameras[:, TIME]):
         return problem, estimate, np.zeros(len(problem.rig))
-    body = options.body
-    sigmas = _sigmas(problem, estimate, loop.draw(problem, estimate), body.robust_px[-1], options.scale)[:, TIME]
+    sigmas = _sigmas(problem, estimate, loop.draw(problem, estimate), ROBUST_PX[-1], options.scale)[:, TIME]
     cameras = estimate.cameras.copy()
     common_s = float(np.median(cameras[:, TIME]))
     cameras[:, TIME] -= common_s
@@ -217,7 +215,7 @@ def _without_doubtful_times(problem: Problem, estimate: Estimate, loop: JointFit
     shared[doubtful, TIME] = 0.0
     problem = replace(problem, shared=SharedPrior(problem.shared.shape, shared))
     start = Estimate(states, estimate.s, cameras)
-    return problem, loop.run("cameras", problem, start, body.robust_px[-1], body.rounds).found, sigmas
+    return problem, loop.run("cameras", problem, start, ROBUST_PX[-1], options.body.rounds).found, sigmas
 
 
 def settled(
@@ -341,13 +339,12 @@ def with_fit(rig_file: RigFile, fit: RigFit) -> RigFile:
     A copy.
     """
     placed = rig_file.with_extrinsics({camera.name: camera.T_world_cam for camera in fit.rig})
-    cameras = dict(placed.cameras)
+    changes: dict[str, dict] = {}
     for name, found in fit.cameras.items():
-        entry = cameras[name]
-        values: dict = {"time_offset_s": entry.time_offset_s + found.later_s}
+        entry = placed.cameras[name]
+        changes[name] = values = {"time_offset_s": entry.time_offset_s + found.later_s}
         if found.focal_scale != 1.0:
             (fx, skew, cx), (zero, fy, cy), last = entry.K
             s = found.focal_scale
             values["K"] = ((s * fx, s * skew, cx), (zero, s * fy, cy), last)
-        cameras[name] = entry.model_copy(update=values)
-    return placed.model_copy(update={"cameras": cameras})
+    return placed.with_cameras(changes)

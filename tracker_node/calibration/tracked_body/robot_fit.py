@@ -8,7 +8,7 @@ and the lines drawn anew. Where cameras stand in the robot's frame (hand-eye cal
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ...objective.shape_jacobian import linearize_lines, normal_equations
 from ...observation.image_set import ImageSet
 from ...optimize.levenberg_marquardt import clip_to_limits
 from ...tracking.config import TrackerConfig
-from .body_fit import LEAST_LINES, LineMetrics, Progress, line_metrics
+from .body_fit import CORRELATION, LEAST_LINES, LineMetrics, Progress, line_metrics
 from .lines import LineEvidence, RegionEvidence
 from .solver import line_weights
 
@@ -30,28 +30,10 @@ Poses = Sequence[Sequence[np.ndarray]]
 """(n_axes,) positions of the joints by image set and camera, radians or meters: a moving robot is elsewhere for a late camera."""
 
 
-@dataclass(frozen=True)
-class RobotFitOptions:
-    """How to fit.
-
-    Parameters
-    ----------
-    offset_sigma_rad, offset_sigma_m : how far the zeros of joints may be off, standard deviations; 0: they are right.
-    place_sigma_m, place_sigma_rad : how far the base may be from where it is said to be.
-    robust_px : scales of the robust kernel, from coarse to fine, pixels; the images are observed anew for each.
-    rounds : how often lines are drawn anew for each of these.
-    correlation : how many neighboring lines share one error.
-    config : how the images are processed.
-    """
-
-    offset_sigma_rad: float = np.radians(0.5)
-    offset_sigma_m: float = 0.001
-    place_sigma_m: float = 0.3
-    place_sigma_rad: float = 0.3
-    robust_px: tuple[float, ...] = (24.0, 12.0, 6.0, 3.0, 3.0)
-    rounds: int = 4
-    correlation: float = 8.0
-    config: TrackerConfig = field(default_factory=TrackerConfig)
+_OFFSET_SIGMA_M = 0.001  # how far the zeros of sliding joints may be off
+_PLACE_SIGMAS = (0.3,) * 6  # how far the base may be from where it is said to be, meters and radians
+_ROBUST_PX = 24.0, 12.0, 6.0, 3.0, 3.0  # scales of the robust kernel; the images are observed anew for each
+_ROUNDS = 4  # lines are drawn anew for each of these
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +70,8 @@ def fit_robot(
     image_sets: Sequence[ImageSet],
     poses: Poses,
     T_world_base: np.ndarray,
-    options: RobotFitOptions | None = None,
+    config: TrackerConfig,
+    offset_sigma_rad: float,
     progress: Progress | None = None,
 ) -> RobotFit:
     """The place of a robot's base, by what the robot says of its joints.
@@ -98,7 +81,8 @@ def fit_robot(
     model, rig : the robot and the cameras.
     image_sets, poses : ten to thirty sets with different poses, and what the robot says in each.
     T_world_base : (4, 4) about where its base is: within a tenth of its size, and 15 degrees.
-    options : priors and rounds.
+    config : how the images are processed.
+    offset_sigma_rad : how far the zeros of turning joints may be off, standard deviation; 0: they are right.
     progress : called with what is done, how often it has been done, and how often it will be.
 
     Returns
@@ -109,21 +93,20 @@ def fit_robot(
     ------
     ValueError : no sets, or not one pose each. TrackerError : the robot is hardly seen in them.
     """
-    options = options or RobotFitOptions()
     if not image_sets or len(image_sets) != len(poses):
         raise ValueError(f"expected image sets with a pose each, got {len(image_sets)} sets and {len(poses)} poses")
-    fit = _Fit(model, rig, poses, options, RegionEvidence(image_sets, options.config))
+    fit = _Fit(model, rig, poses, offset_sigma_rad, RegionEvidence(image_sets, config))
     start = State(np.array(T_world_base, dtype=np.float64), np.zeros(len(model.chain.axes)))
-    found, total = start, len(options.robust_px) * options.rounds
-    fit.look(start, options.robust_px[-1])
-    before = fit.linearized(start, start, options.robust_px[-1])
-    for stage, robust_px in enumerate(options.robust_px):
+    found, total = start, len(_ROBUST_PX) * _ROUNDS
+    fit.look(start, _ROBUST_PX[-1])
+    before = fit.linearized(start, start, _ROBUST_PX[-1])
+    for stage, robust_px in enumerate(_ROBUST_PX):
         fit.look(found, robust_px)
-        for done in range(options.rounds):
+        for done in range(_ROUNDS):
             found = fit.stepped(found, start, robust_px)
             if progress is not None:
-                progress("place", stage * options.rounds + done + 1, total)
-    after = fit.linearized(found, start, options.robust_px[-1])
+                progress("place", stage * _ROUNDS + done + 1, total)
+    after = fit.linearized(found, start, _ROBUST_PX[-1])
     if len(after.residuals) < LEAST_LINES:
         raise TrackerError(f"the robot is hardly seen in these images: {len(after.residuals)} contour lines in {len(poses)} sets")
     cameras = {name: (before.of_camera(i), after.of_camera(i)) for i, name in enumerate(rig.names)}
@@ -170,14 +153,13 @@ class _Fit:
     """The lines of all image sets around a place and offsets, both in one `State`."""
 
     def __init__(
-        self, model: ArticulatedModel, rig: CameraRig, poses: Poses, options: RobotFitOptions, evidence: LineEvidence
+        self, model: ArticulatedModel, rig: CameraRig, poses: Poses, offset_sigma_rad: float, evidence: LineEvidence
     ):  # fmt: skip
-        self._model, self._rig, self._poses, self._options, self._evidence = model, rig, poses, options, evidence
+        self._model, self._rig, self._poses, self._evidence = model, rig, poses, evidence
         self._space = ShapeSpace(model, False, ())
         slides = np.array([axis.prismatic for axis in model.chain.axes], dtype=bool)
-        sigmas = np.where(slides, options.offset_sigma_m, options.offset_sigma_rad)
-        place = [options.place_sigma_m] * 3 + [options.place_sigma_rad] * 3
-        self._information = np.concatenate([place, np.where(sigmas > 0.0, sigmas, 1e-6)]) ** -2.0
+        sigmas = np.where(slides, _OFFSET_SIGMA_M, offset_sigma_rad)
+        self._information = np.concatenate([_PLACE_SIGMAS, np.where(sigmas > 0.0, sigmas, 1e-6)]) ** -2.0
         self._H_coupled = np.zeros((model.n_dof, model.n_dof))  # of offsets as of positions: one gear drives both
         if model.chain.couplings:
             self._H_coupled = CouplingObjective(model.chain).linearize(State.neutral(model)).H
@@ -202,7 +184,7 @@ class _Fit:
         for k, own in enumerate(states):
             lines = self._evidence.lines(k, self._model, self._rig, own)
             found = linearize_lines(lines, self._space, np.zeros(len(self._space)), self._model, self._rig, own)
-            _, weights = line_weights(found.residuals, lines.variances, robust_px, self._options.correlation)
+            _, weights = line_weights(found.residuals, lines.variances, robust_px, CORRELATION)
             weights = np.where(found.valid, weights, 0.0)
             for i in range(len(self._rig)):
                 rows, g = lines.camera == i, np.zeros(n)

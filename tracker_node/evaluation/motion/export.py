@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import FileFormatError
+from ...errors import FileFormatError, repeated
 from ...geometry import so3
 from ...loaders.motion.bvh import AXES_Y_UP, dump_bvh
 from ...loaders.motion.c3d_file import MOST_EVENTS, MOST_FRAMES, AnglesOverTime, TimedEvent, dump_c3d
@@ -51,8 +51,7 @@ class ExportOptions:
     isb_angles: bool = False
 
     def __post_init__(self) -> None:
-        twice = sorted({name for name in self.landmarks if self.landmarks.count(name) > 1})
-        if twice:
+        if twice := repeated(self.landmarks):
             raise FileFormatError("export", "landmarks", "each name once", ", ".join(twice))
 
     @property

@@ -209,21 +209,21 @@ def gait_charts(review: Review) -> list[Chart]:
     return found
 
 
-def mean_line(label: str, curves: np.ndarray, color: str, dashed: bool = False) -> Line:
+def mean_line(label: str, curves: np.ndarray, color: str) -> Line:
     """Mean of curves (c, `N_PARTS`) over the stride, in a band of one standard deviation.
 
     Parameters
     ----------
     label : of the line.
     curves : one each stride.
-    color, dashed : of the line.
+    color : of the line.
 
     Returns
     -------
     A line; without a band where there is one curve alone.
     """
     spread = curves.std(axis=0, ddof=1) if len(curves) > 1 else None
-    return Line(label, np.linspace(0.0, 100.0, N_PARTS), curves.mean(axis=0), color, 2.0, dashed, spread=spread)
+    return Line(label, np.linspace(0.0, 100.0, N_PARTS), curves.mean(axis=0), color, 2.0, spread=spread)
 
 
 _HEIGHTS = "rise of the center of mass [cm]", "from take-off velocity [cm]", "from time in the air [cm]"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import FileFormatError, TrackerError
+from ...errors import FileFormatError, TrackerError, repeated
 from ...loaders.csv_file import CsvTable
 from ...loaders.images.stamps import stamps_from_first_ns
 from ...loaders.motion.c3d_file import load_c3d
@@ -249,8 +249,7 @@ def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
     if not len(stamps):
         raise FileFormatError(path, "(content)", "at least one row", "none")
     landmarks = tuple(landmark_of_marker(name) for name in names)
-    twice = sorted({name for name in landmarks if landmarks.count(name) > 1})
-    if twice:
+    if twice := repeated(landmarks):
         raise FileFormatError(path, "(markers)", "each landmark under one name", twice)
     return Trajectories(landmarks, stamps, positions, valid)
 

@@ -32,9 +32,8 @@ _STEP_S, _STEPS = 0.004, 3  # between the delays that are tried, and to either s
 
 
 def track_video(
-    show: Show, n_images: int, start: State, fit: Callable[[State], FitResult], period_s: float,
-    done: Callable[[int], None] = lambda image: None,
-) -> TrackedSequence:  # fmt: skip
+    show: Show, n_images: int, start: State, fit: Callable[[State], FitResult], period_s: float
+) -> TrackedSequence:
     """Track a video.
 
     Parameters
@@ -44,7 +43,6 @@ def track_video(
     start : pose at the first one, as someone has laid the model over it.
     fit : from a start to an estimate.
     period_s : time between image sets.
-    done : called with every image set that is finished.
 
     Returns
     -------
@@ -55,7 +53,6 @@ def track_video(
         states = [each.state for each in found[-2:]]
         show(image, states[1].difference(states[0]) / period_s if len(states) == 2 else None)
         found.append(fit(extrapolated(states) if states else start))
-        done(image)
     return sequence_of(found)
 
 
@@ -272,7 +269,7 @@ def track(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method
     return TrackedSequence(again.states, first.evaluations + again.evaluations)
 
 
-def estimated_times(scene: CrossScene, trial: CrossTrial, footage: Footage, method: Method = BEST) -> tuple[float, ...]:
+def estimated_times(scene: CrossScene, trial: CrossTrial, footage: Footage) -> tuple[float, ...]:
     """How late each camera exposes, estimated from a video.
 
     Parameters
@@ -280,20 +277,19 @@ def estimated_times(scene: CrossScene, trial: CrossTrial, footage: Footage, meth
     scene : what is known of cameras, lights and colors.
     trial : the throw.
     footage : its video.
-    method : how to track.
 
     Returns
     -------
     Seconds, in the order of the rig.
     """
     at_once = (0.0,) * len(scene.late_s)
-    rough = track(scene, trial, footage, replace(method, times="ignored"), at_once).states
+    rough = track(scene, trial, footage, replace(BEST, times="ignored"), at_once).states
 
     def times(late_s: float) -> tuple[float, ...]:
         return tuple(late_s if name == LATE_CAMERA else 0.0 for name in scene.rig.names)
 
     def mean_square(late_s: float) -> float:
-        return _Fitter(scene, trial, footage, method, times(late_s)).mean_square(rough)
+        return _Fitter(scene, trial, footage, BEST, times(late_s)).mean_square(rough)
 
     return times(estimate_delay(mean_square, LATE_CAMERA))
 

@@ -11,7 +11,7 @@ it goes through the faults of the tape, and is woven with the next one into an i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -172,10 +172,12 @@ class Clicks:
     visible: np.ndarray
 
 
+_HALF_THICK_M = 0.06  # and a little more: so far the body may lie in front of a landmark in it without hiding it
+
+
 def click(
-    model: ArticulatedModel, states: Sequence[State], cameras: Sequence[Camera], sigma_px: float, rng: np.random.Generator,
-    depth_margin: float = 0.06,
-) -> Clicks:  # fmt: skip
+    model: ArticulatedModel, states: Sequence[State], cameras: Sequence[Camera], sigma_px: float, rng: np.random.Generator
+) -> Clicks:
     """Simulate clicks on the model's landmarks, with errors.
 
     Parameters
@@ -185,7 +187,6 @@ def click(
     cameras : in the same order.
     sigma_px : standard deviation of the person's error along u and v.
     rng : random errors.
-    depth_margin : meters that the body may lie in front of a landmark in it without hiding it: half its thickness, a little more.
 
     Returns
     -------
@@ -200,7 +201,7 @@ def click(
         valid = valid & camera.model.in_image(seen)
         depth = raycaster.render_view(configuration, camera).depth
         column, row = np.rint(np.where(valid[:, None], seen, 0.0)).astype(int).T
-        in_front = depth[row, column] < se3.apply(camera.T_cam_world, points)[:, 2] - depth_margin
+        in_front = depth[row, column] < se3.apply(camera.T_cam_world, points)[:, 2] - _HALF_THICK_M
         visible[:, i] = valid & ~in_front
         pixels[:, i] = seen + sigma_px * rng.standard_normal((n_points, 2))
     return Clicks(pixels, visible)
@@ -248,7 +249,6 @@ class Footage:
 def film(
     model: ArticulatedModel, trial: CrossTrial, studio: TargetStudio, backgrounds: Sequence[np.ndarray],
     rng: np.random.Generator, faults: TapeFaults | None = None, shutter_s: float = SHUTTER_S,
-    done: Callable[[int], None] = lambda field: None,
 ) -> Footage:  # fmt: skip
     """Interlaced video of a trial from every camera of the studio.
 
@@ -261,7 +261,6 @@ def film(
     rng : noise of the tape.
     faults : of the tape.
     shutter_s : exposure of a field, about its time; 0: what moves is sharp.
-    done : called with every field that has been filmed.
 
     Returns
     -------
@@ -276,7 +275,6 @@ def film(
             states = [trial.state(field, late + moment) for moment in moments]
             sharp = [studio.image(i, Configuration(model, state), backgrounds[i])[own] for state in states]
             fields[i].append(record(exposed(sharp, camera.gamma), faults, rng))
-        done(field)
     images = tuple(tuple(weave_fields(a, b) for a, b in zip(own[::2], own[1::2], strict=True)) for own in fields)
     return Footage(images, trial.n_fields)
 

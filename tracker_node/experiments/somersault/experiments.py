@@ -18,7 +18,7 @@ from ...objective.color.alignment import PhotometricObjective
 from ...objective.color.score import ColorObjective, ColorOptions
 from ...optimize.alignment import align
 from ...optimize.robust_fit import align_robustly
-from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
+from ...optimize.simplex import SimplexStage, search_simplex
 from ...optimize.stepping import FIVE_LOOPS, SEVEN_LOOPS, SteppingOptions, step_downhill
 from ...parallel import Workers
 from ...report.html import PageSection, text_table, write_page
@@ -167,7 +167,7 @@ def _methods(objectives: _Objectives) -> Iterator[_Method]:
         return lambda start: step_downhill(score, start, chain, SteppingOptions(loops, order, v=v))
 
     def minimum(score: Any) -> Callable[[Any], Any]:
-        return lambda start: search_simplex(score, start, chain, SimplexOptions(stages))
+        return lambda start: search_simplex(score, start, chain, stages)
 
     def best(start: Any) -> Any:
         aligned = align_robustly(score, pyramid, start, chain)

@@ -14,8 +14,8 @@ from ...errors import FileFormatError
 from ..yaml_file import read_mapping
 from .mcap_recovery import LAST_NS, FileContents, one_text, scan
 from .message_types import MessageType
-from .metadata import METADATA_FILE, OfferedQos
-from .reader import BagReader, BagTopic
+from .metadata import METADATA_FILE, BagTopic, OfferedQos
+from .reader import BagReader
 from .writer import BagWriter
 
 GAP_PERIODS = 3.0
@@ -186,7 +186,7 @@ def _unlisted(contents: FileContents, number: int) -> BagTopic:
     channel = contents.channels[number]
     schema = contents.schemas.get(channel.schema_id)
     name, definition = (schema.name, schema.data.decode(errors="replace")) if schema else ("", "")
-    return BagTopic(channel.topic, name, 0, OfferedQos(), definition)
+    return BagTopic(channel.topic, name, "", OfferedQos(), definition=definition)
 
 
 def _different(problems: list[str]) -> list[str]:

@@ -17,7 +17,7 @@ from rosbags.serde import SerdeError
 from ...version import __version__
 from .mcap_writer import McapWriter
 from .message_types import typestore
-from .metadata import TimeSpan, TopicRecord
+from .metadata import BagTopic, TimeSpan
 
 
 class BagFile:
@@ -70,7 +70,7 @@ class BagFile:
         """How long after the file's first message a stamp is; 0 while there is none."""
         return 0 if self._first_ns is None else stamp_ns - self._first_ns
 
-    def add_topic(self, topic: TopicRecord) -> None:
+    def add_topic(self, topic: BagTopic) -> None:
         """Announce a topic."""
         if topic.type_name not in self._schemas:
             encoding = "ros2msg" if topic.definition else ""
@@ -234,7 +234,7 @@ class LatchedMessages:
         self._frames: dict[str, dict[str, Any]] = {}  # topic -> child frame -> its transform
         self.repeated: set[str] = set()
 
-    def keep(self, topic: TopicRecord, publish_ns: int, data: bytes) -> None:
+    def keep(self, topic: BagTopic, publish_ns: int, data: bytes) -> None:
         """Take note of a message that has been written.
 
         Parameters

@@ -61,8 +61,8 @@ class OfferedQos:
 
 
 @dataclass
-class TopicRecord:
-    """A topic of a bag, with the number of messages written so far."""
+class BagTopic:
+    """A topic of a bag, with its number of messages (so far)."""
 
     name: str
     type_name: str
@@ -97,7 +97,7 @@ class TimeSpan:
         }
 
 
-def bag_information(files: dict[str, TimeSpan], topics: Iterable[TopicRecord], custom: dict[str, str]) -> dict[str, Any]:
+def bag_information(files: dict[str, TimeSpan], topics: Iterable[BagTopic], custom: dict[str, str]) -> dict[str, Any]:
     """Content of ``metadata.yaml`` below its top key.
 
     Parameters

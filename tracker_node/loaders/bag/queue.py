@@ -26,7 +26,6 @@ class _Message:
     topic: str
     stamp_ns: int
     data: bytes
-    publish_ns: int | None
     came_s: float
 
 
@@ -130,13 +129,13 @@ class BagQueue:
             self._topics.add(topic)
             self._queue.put(_Topic(topic, type_name, qos, definition))
 
-    def put(self, topic: str, stamp_ns: int, data: bytes, publish_ns: int | None = None) -> bool:
+    def put(self, topic: str, stamp_ns: int, data: bytes) -> bool:
         """Hand over one serialized message.
 
         Parameters
         ----------
         topic, stamp_ns : announced topic; when the message was received, nanoseconds.
-        data, publish_ns : CDR bytes; when it was sent, None for the same time.
+        data : CDR bytes.
 
         Returns
         -------
@@ -154,7 +153,7 @@ class BagQueue:
                 self.dropped[topic] += 1
                 return False
             self._waiting_bytes += len(data)
-            self._queue.put(_Message(topic, stamp_ns, data, publish_ns, time.monotonic()))
+            self._queue.put(_Message(topic, stamp_ns, data, time.monotonic()))
         return True
 
     def split(self) -> None:
@@ -259,7 +258,7 @@ class BagQueue:
         if self._oldest_s is None:
             self._oldest_s = message.came_s
         self.written[message.topic] += 1
-        self._writer.write(message.topic, message.stamp_ns, message.data, message.publish_ns)
+        self._writer.write(message.topic, message.stamp_ns, message.data)
 
 
 def _reason(error: Exception) -> str:

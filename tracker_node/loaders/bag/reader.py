@@ -22,7 +22,7 @@ from ...closing import Closing
 from ...errors import FileFormatError, UnknownNameError
 from .mcap_recovery import ZSTD_MAGIC, FileContents, one_text, scan, survey, unpacked, unpacked_zstd
 from .message_types import typestore_of
-from .metadata import METADATA_FILE, SCANNED_SUFFIX, OfferedQos, check_room, offered_by, offered_in, storage_files, unclosed
+from .metadata import METADATA_FILE, SCANNED_SUFFIX, BagTopic, check_room, offered_by, offered_in, storage_files, unclosed
 
 
 def _unpacked_chunk(compression: str, data: bytes, _size: int) -> bytes:
@@ -34,18 +34,6 @@ DECOMPRESSORS.update({name: partial(_unpacked_chunk, name) for name in ("lz4", "
 
 REPAIR = "`tracker_node bag repair` copies what can be read"
 REPAIR_SQLITE = "`ros2 bag reindex`, then `ros2 bag convert`, copies what can be read of a SQLite bag"
-
-
-@dataclass(frozen=True)
-class BagTopic:
-    """A topic of a bag."""
-
-    name: str
-    type_name: str
-    message_count: int
-    qos: OfferedQos
-    definition: str
-    type_hash: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +185,7 @@ class BagReader(Closing):
         for name, info in reader.topics.items():
             connection = info.connections[0]
             self.topics[name] = BagTopic(
-                name, connection.msgtype, info.msgcount, offered_by(connection), connection.msgdef.data, connection.digest
+                name, connection.msgtype, connection.digest, offered_by(connection), info.msgcount, connection.msgdef.data
             )
         count = reader.message_count
         self.start_ns, self.end_ns = (reader.start_time, reader.end_time - 1) if count else (0, 0)
@@ -229,10 +217,10 @@ class BagReader(Closing):
         self.topics[channel.topic] = BagTopic(
             channel.topic,
             schema.name if schema else "",
-            contents.counts.get(number, 0) + (known.message_count if known else 0),
-            offered_in(channel.metadata.get("offered_qos_profiles", "")),
-            schema.data.decode(errors="replace") if schema else "",
             channel.metadata.get("topic_type_hash", ""),
+            offered_in(channel.metadata.get("offered_qos_profiles", "")),
+            contents.counts.get(number, 0) + (known.message_count if known else 0),
+            schema.data.decode(errors="replace") if schema else "",
         )
 
     def _finished(self, wanted: set[str], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:

@@ -19,7 +19,7 @@ from ...errors import FileFormatError, TrackerError, UnknownNameError
 from .file import BagFile, DiskReserve, LatchedMessages
 from .mcap_writer import COMPRESSIONS
 from .message_types import MessageType, message_type, typestore
-from .metadata import OfferedQos, TimeSpan, TopicRecord, bag_information, write_metadata
+from .metadata import BagTopic, OfferedQos, TimeSpan, bag_information, write_metadata
 
 CHUNK_BYTES = 1024 * 1024
 RESERVE_BYTES = 4 * 1024 * 1024
@@ -77,7 +77,7 @@ class BagWriter(Closing):
         self.custom = dict(custom or {})
         self._options: dict[str, Any] = {"chunk_bytes": chunk_bytes, "compression": COMPRESSIONS[compression]}
         self._split_bytes, self._split_ns = split_bytes, split_ns
-        self._topics: dict[str, TopicRecord] = {}
+        self._topics: dict[str, BagTopic] = {}
         self._finished: dict[str, TimeSpan] = {}  # earlier files
         self._finished_bytes = 0
         self._in_files: Counter[str] = Counter()  # messages in them
@@ -104,7 +104,7 @@ class BagWriter(Closing):
             raise TrackerError(f"output '{self.path}' cannot be made: {error.strerror}") from None
 
     @property
-    def topics(self) -> dict[str, TopicRecord]:
+    def topics(self) -> dict[str, BagTopic]:
         """Topics by name, with their number of messages."""
         return dict(self._topics)
 
@@ -137,7 +137,7 @@ class BagWriter(Closing):
                 raise FileFormatError(self.path, topic, f"messages of type {self._topics[topic].type_name}", type_name)
             return
         known = definition or message_type(type_name)
-        record = TopicRecord(topic, type_name, known.type_hash, qos or OfferedQos(), definition=known.definition)
+        record = BagTopic(topic, type_name, known.type_hash, qos or OfferedQos(), definition=known.definition)
         self._topics[topic] = record
         self._file.add_topic(record)
 
@@ -174,7 +174,7 @@ class BagWriter(Closing):
             self._with_reserve(self._file.finish_chunk)  # only then is it known how small they are compressed
             self._repeated_bytes = max(0, self._file.size - before)
 
-    def _put(self, topic: TopicRecord, stamp_ns: int, publish_ns: int, message: bytes) -> None:
+    def _put(self, topic: BagTopic, stamp_ns: int, publish_ns: int, message: bytes) -> None:
         topic.message_count += 1
         self._with_reserve(lambda: self._file.write(topic.name, topic.message_count, stamp_ns, publish_ns, message))
 

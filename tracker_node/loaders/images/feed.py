@@ -9,14 +9,14 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...closing import Closing
 from ...errors import TrackerError
 from ..decoding import SourceImage
-from .recorded_source import ImageSource
+from .recorded_source import ImageSource, ReadCounts
 
 _AHEAD = 3  # decoded images that wait, per camera
 _SAME_TIME = 0.4  # of the shortest image period
@@ -48,15 +48,11 @@ class FeedSet:
 
 
 @dataclass
-class SourceReport:
-    """What became of one camera's source."""
+class SourceReport(ReadCounts):
+    """What became of one camera's source; images that wait are not counted as read."""
 
-    read: int = 0
-    missing: int = 0
-    skipped: int = 0
     ended: bool = False
     problem: str = ""
-    problems: list[str] = field(default_factory=list)
 
 
 class ImageFeed(Closing):

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from ...errors import repeated
 from ...model.articulated import DEFAULT_COLOR_RGB
 from ...model.kinematic_chain import ROOT_DOF_NAMES
 from ...model.shapes.nurbs import N_AROUND, RING_SPACING, Loft, Section
@@ -249,9 +250,8 @@ class ModelFile(FileModel):
 
     @model_validator(mode="after")
     def _fits_together(self) -> ModelFile:
-        repeated = sorted({link for link in self.links if self.links.count(link) > 1})
-        if repeated:
-            raise problem("each link once", repeated, "links")
+        if twice := repeated(self.links):
+            raise problem("each link once", twice, "links")
         for kind, references in (
             ("joints", {f"{n}.{end}": getattr(j, end) for n, j in self.joints.items() for end in ("parent", "child")}),
             ("shapes", {f"{n}.link": s.link for n, s in self.shapes.items()}),

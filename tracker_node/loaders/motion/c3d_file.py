@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import FileFormatError
+from ...errors import FileFormatError, repeated
 from ..whole_file import whole_file
 from .trc import METERS_PER_UNIT, MarkerTrajectories
 
@@ -196,8 +196,8 @@ def _markers(path: str | Path, content: Mapping[str, np.ndarray], n: int) -> tup
     labels, other = content["labels"].tolist(), set(content["not_markers"].tolist())
     columns = [i for i, label in enumerate(labels[:n]) if label and label not in other]
     names = tuple(labels[i] for i in columns)
-    if not names or len(set(names)) != len(names):
-        twice = sorted({name for name in names if names.count(name) > 1})
+    twice = repeated(names)
+    if twice or not names:
         raise FileFormatError(path, "POINT:LABELS", "at least one marker, each with a name of its own", twice or "none")
     return names, columns
 

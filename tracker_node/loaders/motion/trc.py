@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import FileFormatError, UnknownNameError
+from ...errors import FileFormatError, UnknownNameError, repeated
 from ..whole_file import TABLE_BYTES, read_text, write_whole
 
 METERS_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -130,8 +130,8 @@ def _marker_names(path: str | Path, line: str) -> tuple[str, ...]:
     names = tuple(cell for cell in cells[2:] if cell)
     if not names:
         raise FileFormatError(path, "line 4", "Frame#, Time and marker names", line)
-    if len(set(names)) != len(names):
-        raise FileFormatError(path, "line 4", "each marker name once", sorted({n for n in names if names.count(n) > 1}))
+    if twice := repeated(names):
+        raise FileFormatError(path, "line 4", "each marker name once", twice)
     return names
 
 
@@ -216,8 +216,8 @@ def load_table(path: str | Path) -> NumberTable:
     names = tuple(body[0][1]) if body else ()
     if len(names) < 2 or names[0].lower() != "time":
         raise FileFormatError(path, "column names", "time and at least one other", " ".join(names) or "nothing")
-    if len(set(names)) != len(names):
-        raise FileFormatError(path, "column names", "each once", sorted({n for n in names if names.count(n) > 1}))
+    if twice := repeated(names):
+        raise FileFormatError(path, "column names", "each once", twice)
     if len(body) < 2:
         raise FileFormatError(path, "rows", "at least one", "none")
     numbers = np.array([_table_row(path, number, cells, len(names)) for number, cells in body[1:]])

@@ -206,18 +206,20 @@ class RigFile(FileModel):
                 raise problem("a camera name of letters, digits and _ (it becomes a topic)", name, f"cameras.{name}")
         return self
 
+    def with_cameras(self, changes: Mapping[str, Mapping[str, Any]]) -> RigFile:
+        """The same rig with other values of some cameras (name -> field -> value)."""
+        changed = {name: self.cameras[name].model_copy(update=values) for name, values in changes.items()}
+        return self.model_copy(update={"cameras": {**self.cameras, **changed}})
+
     def with_extrinsics(self, Ts_world_cam: Mapping[str, np.ndarray]) -> RigFile:
         """The same rig with some cameras placed anew (name -> (4, 4))."""
-        cameras = dict(self.cameras)
-        for name, transform in Ts_world_cam.items():
-            rows = tuple(tuple(float(v) for v in row) for row in transform)
-            cameras[name] = cameras[name].model_copy(update={"T_world_cam": rows})
-        return self.model_copy(update={"cameras": cameras})
+        return self.with_cameras(
+            {name: {"T_world_cam": tuple(tuple(float(v) for v in row) for row in T)} for name, T in Ts_world_cam.items()}
+        )
 
     def in_calibration_pixels(self) -> RigFile:
         """The same rig for the pixels of the calibration: without any pixel map."""
-        plain = {"pixel_map": None, "file_image_size": None}
-        return self.model_copy(update={"cameras": {n: e.model_copy(update=plain) for n, e in self.cameras.items()}})
+        return self.with_cameras({name: {"pixel_map": None, "file_image_size": None} for name in self.cameras})
 
 
 def read_rig_file(path: str | Path) -> RigFile:

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...geometry import se3, so3
 from ..articulated import ArticulatedModel, Landmark, Shape
-from ..kinematic_chain import Axis, Joint, KinematicChain
+from ..kinematic_chain import Joint, KinematicChain, axes_in_degrees
 from ..shapes.primitives import Ellipsoid, Primitive, TruncatedCone
 from . import extremities
 from .extremities import Part
@@ -122,18 +122,13 @@ _COLORS = {
 
 @dataclass(frozen=True)
 class _Side:
-    """Adds the side's name, and mirrors points and axes of the left side to it."""
+    """Adds the side's name, and mirrors points of the left side to it."""
 
     name: str
     sign: float
 
     def point(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         return (x, self.sign * y, z)
-
-    def axis(self, direction: tuple[float, float, float]) -> tuple[float, float, float]:
-        # A rotation axis is a pseudovector: mirrored in y, its x and z change sign.
-        x, y, z = direction
-        return (self.sign * x, y, self.sign * z)
 
 
 def human_model(measures: HumanMeasures | None = None, ankles: bool = False) -> ArticulatedModel:
@@ -195,25 +190,15 @@ def _built(name: str, m: HumanMeasures, changes: Mapping[str, tuple]) -> Articul
     return ArticulatedModel(name, KinematicChain(links, tuple(joints)), tuple(shapes), tuple(landmarks))
 
 
-def _axes(rows, prefix: str = "", side: _Side | None = None) -> tuple[Axis, ...]:
-    result = []
-    for name, direction, limits_deg, stiffness in rows:
-        x, y, z = side.axis(direction) if side else direction
-        lower, upper = np.deg2rad(limits_deg).tolist()
-        # Adding 0.0 makes a mirrored -0.0 a plain zero, for the sake of who reads the file.
-        result.append(Axis(prefix + name, (x + 0.0, y + 0.0, z + 0.0), lower, upper, 0.0, stiffness))
-    return tuple(result)
-
-
 def _at(x: float, y: float, z: float) -> np.ndarray:
     return se3.from_rotation_translation(np.eye(3), np.array([x, y, z]))
 
 
 def _trunk_joints(m: HumanMeasures, axes: Mapping[str, tuple]) -> list[Joint]:
     return [
-        Joint("abdomen", "pelvis", "abdomen", _at(m.spine_x, 0.0, m.pelvis_length), _axes(axes["abdomen"])),
-        Joint("torso", "abdomen", "torso", _at(0.0, 0.0, m.abdomen_length), _axes(axes["torso"])),
-        Joint("neck", "torso", "head", _at(m.neck_x, 0.0, m.neck_z), _axes(axes["neck"])),
+        Joint("abdomen", "pelvis", "abdomen", _at(m.spine_x, 0.0, m.pelvis_length), axes_in_degrees(axes["abdomen"])),
+        Joint("torso", "abdomen", "torso", _at(0.0, 0.0, m.abdomen_length), axes_in_degrees(axes["torso"])),
+        Joint("neck", "torso", "head", _at(m.neck_x, 0.0, m.neck_z), axes_in_degrees(axes["neck"])),
     ]
 
 
@@ -232,7 +217,7 @@ def _limb_joints(m: HumanMeasures, side: _Side, axes: Mapping[str, tuple]) -> li
     joints = []
     for name, parent, child, place in places:
         parent = parent if parent in TRUNK_LINKS else f"{side.name}_{parent}"
-        own = _axes(axes.get(name, ()), f"{side.name}_", side)
+        own = axes_in_degrees(axes.get(name, ()), f"{side.name}_", side.sign)
         joints.append(Joint(f"{side.name}_{name}", parent, f"{side.name}_{child}", _at(*side.point(*place)), own))
     return joints
 

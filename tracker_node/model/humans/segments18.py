@@ -30,7 +30,7 @@ import numpy as np
 
 from ...geometry import se3, so3
 from ..articulated import ArticulatedModel, Landmark, Shape
-from ..kinematic_chain import Axis, Joint, KinematicChain
+from ..kinematic_chain import Joint, KinematicChain, axes_in_degrees
 from ..shapes.nurbs import N_AROUND, RING_SPACING, Loft, Section, loft_mesh
 from ..shapes.primitives import Ellipsoid, Mesh
 
@@ -194,25 +194,19 @@ _LEFT_PLACES = {
 def body_chain() -> KinematicChain:
     """18 links, 17 joints, 51 axes."""
     joints = [
-        Joint(name, parent, child, se3.from_rotation_translation(np.eye(3), np.round(place, 6)), _axes(_TRUNK_JOINTS[name]))
+        Joint(name, parent, child, _at(place), axes_in_degrees(_TRUNK_JOINTS[name]))
         for name, (parent, child, place) in _TRUNK_PLACES.items()
     ]
     for side, sign in SIDES:
         for name, (parent, child, (x, y, z)) in _LEFT_PLACES.items():
             parent = parent if parent in SEGMENTS else f"{side}_{parent}"
-            place = se3.from_rotation_translation(np.eye(3), np.round((x, sign * y, z), 6))
-            joints.append(Joint(f"{side}_{name}", parent, f"{side}_{child}", place, _axes(_LEFT_JOINTS[name], f"{side}_", sign)))
+            axes = axes_in_degrees(_LEFT_JOINTS[name], f"{side}_", sign)
+            joints.append(Joint(f"{side}_{name}", parent, f"{side}_{child}", _at((x, sign * y, z)), axes))
     return KinematicChain(SEGMENTS, tuple(joints))
 
 
-def _axes(rows, prefix: str = "", sign: float = 1.0) -> tuple[Axis, ...]:
-    axes = []
-    for name, (x, y, z), limits, stiffness, *neutral in rows:
-        # A rotation axis is a pseudovector: mirrored in y, its x and z change sign.
-        direction = (sign * x + 0.0, y + 0.0, sign * z + 0.0)
-        lower, upper = np.deg2rad(limits).tolist()
-        axes.append(Axis(prefix + name, direction, lower, upper, float(np.deg2rad(neutral[0])) if neutral else 0.0, stiffness))
-    return tuple(axes)
+def _at(place: tuple[float, float, float]) -> np.ndarray:
+    return se3.from_rotation_translation(np.eye(3), np.round(place, 6))
 
 
 def body_landmarks() -> tuple[Landmark, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,22 +24,9 @@ from ..color.views import every_nth
 from .maps import background_costs, fill_explained
 from .score import AreaScore
 
-
-@dataclass(frozen=True)
-class BackgroundOptions:
-    """How colors are compared.
-
-    Attributes
-    ----------
-    raw_scale, hue_scale : gray levels a channel at which a difference costs half of the most it can.
-    unknown_cost : cost, 0..2, of a pixel in a camera whose background is not known.
-    row_step : score every n-th row of the images only.
-    """
-
-    raw_scale: float = 40.0
-    hue_scale: float = 20.0
-    unknown_cost: float = 0.7
-    row_step: int = 1
+_SCALES = 40.0, 20.0  # of raw colors and hues: gray levels a channel at which a difference costs half of the most it can
+_CAPS = 3.0 * np.array(_SCALES, dtype=np.float32) ** 2
+_UNKNOWN_COST = 0.7  # of 0..2, of a pixel in a camera whose background is not known
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +56,7 @@ class BackgroundObjective:
     model, rig : body and cameras.
     colors_rgb : (n_cameras, n_shapes, 3) in 0..255.
     backgrounds : (h, w, 3) BGR uint8 per camera, None where there is none.
-    options : how colors are compared.
+    row_step : score every n-th row of the images only.
     workers : threads that share states or cameras.
 
     Raises
@@ -83,16 +70,15 @@ class BackgroundObjective:
         rig: CameraRig,
         colors_rgb: np.ndarray,
         backgrounds: Sequence[np.ndarray | None],
-        options: BackgroundOptions | None = None,
+        row_step: int = 1,
         workers: Workers | None = None,
     ):
         if OTHER in ShapeArrays.from_model(model).kinds:
             raise ModelError(f"model '{model.name}': only ellipsoids and cones can be scored over the background")
-        self.model, self.options, self._workers = model, options or BackgroundOptions(), workers or Workers(1)
+        self.model, self._row_step, self._workers = model, row_step, workers or Workers(1)
         self._backgrounds, self._colors = list(backgrounds), np.asarray(colors_rgb, dtype=np.float32)
-        self._caps = 3.0 * np.array([self.options.raw_scale, self.options.hue_scale], dtype=np.float32) ** 2
         self._whole_rig = rig
-        self._area = AreaScore(model, every_nth(rig, 1, self.options.row_step).cameras, self._workers)
+        self._area = AreaScore(model, every_nth(rig, 1, row_step).cameras, self._workers)
         self._images: list[np.ndarray | None] = [None] * len(rig)
         self._regions: list[tuple[int, int, int, int] | None] | None = None
         self._all = np.zeros(len(rig))  # cost of the background in each camera
@@ -120,11 +106,10 @@ class BackgroundObjective:
 
     def at_row_step(self, row_step: int) -> BackgroundObjective:
         """The same, on every n-th row of the images."""
-        if row_step == self.options.row_step:
+        if row_step == self._row_step:
             return self
         if row_step not in self._steps:
-            options = replace(self.options, row_step=row_step)
-            made = BackgroundObjective(self.model, self._whole_rig, self._colors, self._backgrounds, options, self._workers)
+            made = BackgroundObjective(self.model, self._whole_rig, self._colors, self._backgrounds, row_step, self._workers)
             if self._regions is not None:
                 made.restrict(self._regions)
             made.set_images(self._images)
@@ -176,20 +161,20 @@ class BackgroundObjective:
         """Maps are made when they are first asked for."""
         if not self._stale:
             return
-        step = self.options.row_step
+        step = self._row_step
 
         def run(i: int) -> np.ndarray:
             image, background = self._images[i], self._backgrounds[i]
             assert image is not None
             bgr = np.ascontiguousarray(image[::step])
-            costs = np.full(bgr.shape[:2], self.options.unknown_cost, dtype=np.float32)
+            costs = np.full(bgr.shape[:2], _UNKNOWN_COST, dtype=np.float32)
             if background is not None:
-                background_costs(bgr, np.ascontiguousarray(background[::step]), self._caps, costs)
+                background_costs(bgr, np.ascontiguousarray(background[::step]), _CAPS, costs)
             height, width = bgr.shape[:2]
             u0, v0, u1, v1 = (0, 0, width, height * step) if self._regions is None else self._regions[i] or (0, 0, 0, 0)
             self._all[i] = float(costs[v0 // step : -(-v1 // step), u0:u1].sum(dtype=np.float64))
             maps = np.empty((len(self.model.shapes), height, width), dtype=np.float32)
-            fill_explained(bgr, costs, self._colors[i], self._caps, maps)
+            fill_explained(bgr, costs, self._colors[i], _CAPS, maps)
             return maps
 
         seen = [i for i, image in enumerate(self._images) if image is not None]

@@ -31,24 +31,11 @@ N_OCTAVES = 6
 _DOUBT = 0.5  # views of all textures that weigh as much as not knowing
 
 
-@dataclass(frozen=True)
-class TextureOptions:
-    """How textures are compared.
-
-    Attributes
-    ----------
-    points_per_edge : along the longest edge of a texture on the finest level; each coarser level has half as many.
-    levels : number of levels, 0 the finest.
-    robust_scale : gray levels of the texture at which a difference begins to count as something in front of it.
-    least_cosine : of a face's normal with the line of sight; flatter views are not used.
-    min_points : fewer, over all cameras, cannot be scored.
-    """
-
-    points_per_edge: int = 72
-    levels: int = 4
-    robust_scale: float = 40.0
-    least_cosine: float = 0.2
-    min_points: int = 100
+_POINTS_PER_EDGE = 72  # along the longest edge of a texture on the finest level; each coarser level has half as many
+_LEVELS = 4  # 0 is the finest
+_ROBUST_SCALE = 40.0  # gray levels of the texture at which a difference begins to count as something in front of it
+_LEAST_COSINE = 0.2  # of a face's normal with the line of sight; flatter views are not used
+_LEAST_POINTS = 100  # fewer, over all cameras, cannot be scored
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,19 +70,16 @@ class TextureObjective:
     ModelError : when no face of the model has a texture.
     """
 
-    def __init__(
-        self, model: ArticulatedModel, rig: CameraRig, options: TextureOptions | None = None, workers: Workers | None = None
-    ):  # fmt: skip
-        self.model, self.rig, self.options = model, rig, options or TextureOptions()
-        self.workers = workers or Workers(2)
-        finest = textured_extent(model) / self.options.points_per_edge
-        self._points = [surface_points(model, finest * 2**k) for k in range(self.options.levels)]
-        self._doubts = [_doubt(points.colors, self.options.robust_scale) for points in self._points]
+    def __init__(self, model: ArticulatedModel, rig: CameraRig, workers: Workers | None = None):
+        self.model, self.rig, self.workers = model, rig, workers or Workers(2)
+        finest = textured_extent(model) / _POINTS_PER_EDGE
+        self._points = [surface_points(model, finest * 2**k) for k in range(_LEVELS)]
+        self._doubts = [_doubt(points.colors, _ROBUST_SCALE) for points in self._points]
         self._pyramids: list[list[np.ndarray] | None] = [None] * len(rig)
 
     @property
     def n_levels(self) -> int:
-        return self.options.levels
+        return _LEVELS
 
     @property
     def sees(self) -> bool:
@@ -112,7 +96,7 @@ class TextureObjective:
 
     def at_row_step(self, row_step: int) -> TextureScores:
         """Scores on the level whose points are about ``row_step`` times as far apart as the finest."""
-        return TextureScores(self, min(round(math.log2(row_step)), self.options.levels - 1))
+        return TextureScores(self, min(round(math.log2(row_step)), _LEVELS - 1))
 
     def evaluate(self, state: State, level: int = 0) -> TextureScore:
         """The score of one state, camera by camera.
@@ -175,12 +159,12 @@ class TextureLevel:
     def __init__(
         self, objective: TextureObjective, points: SurfacePoints, pyramids: Sequence[list[np.ndarray] | None], doubt: float
     ):  # fmt: skip
-        self.model, self.options = objective.model, objective.options
+        self.model = objective.model
         self._points = points
         self._pyramids = pyramids
         n, n_cameras = len(points.positions), len(objective.rig)
         self._kernel_points = (points.positions, np.ascontiguousarray(points.normals), points.links)
-        self._cameras = [_camera(camera, self.options.least_cosine) for camera in objective.rig]
+        self._cameras = [_camera(camera, _LEAST_COSINE) for camera in objective.rig]
         self._flags = np.zeros((n_cameras, n), dtype=np.uint8)
         self._values, self._gradients, self._places = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
         self._weights = np.empty(n)
@@ -235,7 +219,7 @@ class TextureLevel:
                 points[i] = fits[0][7]
         camera_scores = costs / np.where(flats > 0.0, flats, np.nan)
         camera_rms = np.sqrt(costs / np.maximum(3 * points, 1))
-        if points.sum() < self.options.min_points or flats.sum() <= 0.0:
+        if points.sum() < _LEAST_POINTS or flats.sum() <= 0.0:
             return TextureScore(math.inf, camera_scores, camera_rms, points)
         score = (costs.sum() + self._doubt) / (flats.sum() + self._doubt)
         return TextureScore(float(score), camera_scores, camera_rms, points)
@@ -269,7 +253,7 @@ class TextureLevel:
 
     def _fit(self, i: int, channel: int) -> tuple:
         return kernel.fit_brightness(
-            self._points.colors, self._values, self._flags[i], channel, self.options.robust_scale, self._weights
+            self._points.colors, self._values, self._flags[i], channel, _ROBUST_SCALE, self._weights
         )
 
 

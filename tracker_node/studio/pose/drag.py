@@ -118,23 +118,15 @@ def moving_dofs(model: ArticulatedModel, state: State, grip: Grip, nearest: bool
     J = pixel_jacobian(Configuration(model, state), grip)[1]
     moves = np.linalg.norm(J, axis=0) > _STILL_PX
     moves[:N_ROOT_DOF] = False
-    link = grip.link
-    while link > 0 and not (moves & _own(model, link)).any():
-        link = int(model.chain.parents[link])
+    link, chain = grip.link, model.chain
+    while link > 0 and not (moves & chain.dofs_of([link])).any():
+        link = int(chain.parents[link])
     if link <= 0:
         return np.zeros(model.n_dof, dtype=np.bool_)
+    own = chain.dofs_of([link])
     if nearest:
-        return moves & _own(model, link)
-    limb = next(limb for limb in limbs_of(model) if (limb.dofs & _own(model, link)).any())
-    return moves & limb.dofs
-
-
-def _own(model: ArticulatedModel, link: int) -> np.ndarray:
-    """(n_dof,) mask of the axes of the joint that a link hangs on."""
-    mask = np.zeros(model.n_dof, dtype=np.bool_)
-    first = N_ROOT_DOF + int(model.chain.axis_start[link])
-    mask[first : first + int(model.chain.axis_count[link])] = True
-    return mask
+        return moves & own
+    return moves & next(limb.dofs for limb in limbs_of(model) if (limb.dofs & own).any())
 
 
 def _shifted(model: ArticulatedModel, start: State, grip: Grip, pixel: np.ndarray) -> State:

@@ -122,10 +122,10 @@ def swing(rate_hz: float = 30.0, n_images: int = 60) -> Motion:
     return Motion(PROCEDURAL, float(rate_hz), roots, chained(ordered))
 
 
-def joined(motions: Sequence[Motion], n_images: int, name: str, blend_s: float = BLEND_S) -> Motion:
+def joined(motions: Sequence[Motion], n_images: int, name: str) -> Motion:
     """Motions, repeated in their order, as one.
 
-    The end of each fades into the beginning of the next over ``blend_s``; the next is turned about the vertical and moved
+    The end of each fades into the beginning of the next over `BLEND_S`; the next is turned about the vertical and moved
     horizontally so that both roots agree, heading and place, in the middle of it.
 
     Parameters
@@ -133,7 +133,6 @@ def joined(motions: Sequence[Motion], n_images: int, name: str, blend_s: float =
     motions : of one rate and one skeleton.
     n_images : of the result.
     name : of the result.
-    blend_s : time over which one fades into the next.
 
     Returns
     -------
@@ -144,7 +143,7 @@ def joined(motions: Sequence[Motion], n_images: int, name: str, blend_s: float =
     ValueError : motions of different rates or legs, or shorter than two blends.
     """
     first = motions[0]
-    n_blend = max(2, round(blend_s * first.rate_hz))
+    n_blend = max(2, round(BLEND_S * first.rate_hz))
     if any((m.rate_hz, m.leg_length) != (first.rate_hz, first.leg_length) for m in motions):
         raise ValueError("expected motions of one rate and one skeleton")
     if min(map(len, motions)) < 2 * n_blend:

@@ -12,7 +12,7 @@ import numpy as np
 from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel, Landmark, Shape
 from ...model.configuration import Configuration, State
-from ...model.kinematic_chain import Axis, Joint, KinematicChain
+from ...model.kinematic_chain import Joint, KinematicChain, axes_in_degrees
 from ...model.shapes.primitives import TruncatedCone
 
 _SIDES = (("left", 1.0), ("right", -1.0))  # name, and sign of y
@@ -60,6 +60,7 @@ def figure_model() -> ArticulatedModel:
         _shape("head", "trunk", _cone((0.070, 0.058), 1.35, _TRUNK_TOP_M, _HEAD_TOP_M)),
     ]
     landmarks = [Landmark("neck", "trunk", (0.0, 0.0, _TRUNK_TOP_M)), Landmark("head", "trunk", (0.0, 0.0, _HEAD_TOP_M))]
+    rows_of = {joint: [(*axis[:3], _STIFFNESS, axis[3]) for axis in axes] for joint, axes in _AXES.items()}
     for side, sign in _SIDES:
         rows = (
             ("shoulder", "trunk", "upper_arm", _SHOULDER_M, (0.052, 0.042), 0.78, UPPER_ARM_M, None),
@@ -71,7 +72,7 @@ def figure_model() -> ArticulatedModel:
             link, parent = f"{side}_{child}", parent if parent == "trunk" else f"{side}_{parent}"
             links.append(link)
             place = se3.from_rotation_translation(np.eye(3), np.array([x, sign * y, z]))
-            joints.append(Joint(f"{side}_{joint}", parent, link, place, _axes(joint, side, sign)))
+            joints.append(Joint(f"{side}_{joint}", parent, link, place, axes_in_degrees(rows_of[joint], f"{side}_", sign)))
             shapes.append(_shape(link, link, TruncatedCone(*radii, (1.0 - end_scale) / length, -length - 0.01, 0.02)))
             landmarks.append(Landmark(f"{side}_{joint}", parent, (x, sign * y, z)))
             if end:
@@ -87,16 +88,6 @@ def _cone(bottom: tuple[float, float], top: float, z1: float, z2: float) -> Trun
     """Upright cone: half-axes ``bottom`` at z1, the ``top``-fold of them at z2."""
     k = (top - 1.0) / (z2 - top * z1)  # from (1 + k z2) = top (1 + k z1)
     return TruncatedCone(bottom[0] / (1.0 + k * z1), bottom[1] / (1.0 + k * z1), k, z1, z2)
-
-
-def _axes(joint: str, side: str, sign: float) -> tuple[Axis, ...]:
-    axes = []
-    for name, (x, y, z), limits_deg, middle_deg, _, _ in _AXES[joint]:
-        # A rotation axis is a pseudovector: mirrored in y, its x and z change sign.
-        direction = (sign * x + 0.0, y, sign * z + 0.0)
-        lower, upper = np.deg2rad(limits_deg).tolist()
-        axes.append(Axis(f"{side}_{name}", direction, lower, upper, float(np.deg2rad(middle_deg)), _STIFFNESS))
-    return tuple(axes)
 
 
 def figure_motion(rate_hz: float = 30.0, n_images: int = 100, seed: int = 5) -> list[State]:

@@ -22,10 +22,10 @@ from ...objective.constraints.prior import Prior
 from ...optimize.alignment import align
 from ...optimize.fitter import Fit
 from ...optimize.levenberg_marquardt import OptimizerResult
-from ...optimize.robust_fit import RobustFitOptions, align_robustly
+from ...optimize.robust_fit import align_robustly
 from ...optimize.robust_start import RobustStartOptions
 from ...optimize.score_objective import ScoreObjective
-from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
+from ...optimize.simplex import SimplexStage, search_simplex
 from ...parallel import Workers
 from ..assessment import inverse_covariance
 from ..config import ColorConfig
@@ -39,7 +39,7 @@ from .search import AlignmentSearch, ColorSearch, ended
 _ANY_CAP = 20.0  # gray levels, until it is known how much surroundings differ
 _LEAST_LEVELS, _LEAST_CONTRAST = 3.0, 3.0  # gray levels of a body's own colors; those of surroundings are so many times them
 _ROW_STEP = 2
-_POLISH = SimplexOptions((SimplexStage(0.004, np.radians(1.5), 0.4, _ROW_STEP, 12),))
+_POLISH = (SimplexStage(0.004, np.radians(1.5), 0.4, _ROW_STEP, 12),)
 _POLISHED, _FIRST_POLISHED = 2, 6  # starts, of an image set
 _SHARES = (0.06, 0.1, 0.2)  # of a difference in coverage that counts, by cameras: its errors are whole sides, not single pixels
 _TAKEN = 3.0  # log odds of another pose against the fit
@@ -227,7 +227,7 @@ class RigidSearch(ColorSearch):
             n = max(config.search_states // 4, 1)
             angle = float(np.deg2rad(config.search_angle_deg))
             around = RobustStartOptions(config.search_radius, angle, n, seed=config.seed)
-            found = align_robustly(scores.score, scores.pyramid, start, chain, RobustFitOptions(search=around))
+            found = align_robustly(scores.score, scores.pyramid, start, chain, around)
             result = replace(found.best, evaluations=found.evaluations)
         return self._modes.look(ended(result, scores.pyramid.at_level(0)), start, first)
 

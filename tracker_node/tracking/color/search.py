@@ -18,7 +18,7 @@ from ...objective.points.photometry import SurfaceCorrespondences
 from ...optimize.fitter import Fit, Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions, OptimizerResult
 from ...optimize.score_objective import SearchResult
-from ...optimize.simplex import SimplexOptions, SimplexStage, search_simplex
+from ...optimize.simplex import STAGES, SimplexStage, search_simplex
 from ...optimize.stepping import SCHEDULES, SteppingOptions, schedule, step_downhill
 from ..config import ColorConfig, ColorOverBackgroundConfig
 from ..engine import Solver
@@ -30,7 +30,7 @@ from .modality import ColorModality, ColorScores
 _TOLERANCE = 1e-3
 _TRACKING = schedule((20, 10, 5), (4, 2, 1))
 _STEPPING_POLISH = SteppingOptions(schedule((5,), (1,)))
-_SIMPLEX_POLISH = SimplexOptions((SimplexStage(0.01, np.deg2rad(1.0), 0.2, max_evaluations=20),))
+_SIMPLEX_POLISH = (SimplexStage(0.01, np.deg2rad(1.0), 0.2, max_evaluations=20),)
 _BEAM = 6  # places of a lost limb that are followed
 _LIMB = LevenbergMarquardtOptions(max_iterations=15, tolerance=_TOLERANCE)
 _SEARCH_LEVEL = 2  # of the pyramid
@@ -151,7 +151,7 @@ class AlignmentSearch(ColorSearch):
             beam = _BEAM if i else 1
             score = _Costs(points.on_links(_placed(chain, moved, links[i + 1 :])))
             n = config.search_states // (len(links) * beam)
-            rounds.append(Round(float(np.deg2rad(config.search_angle_deg)), n, beam, _own_dofs(chain, link), score))
+            rounds.append(Round(float(np.deg2rad(config.search_angle_deg)), n, beam, chain.dofs_of([link]), score))
         search = PoseSearch(chain, rounds[0].score or _Costs(points), limb.dofs, rng)
         poses, _ = search.run(Poses.of([around]), rounds, _BEAM)
         stage = Stage(None, _LIMB, dofs=limb.dofs, links=moved)
@@ -219,7 +219,7 @@ class ScoreSearch(AlignmentSearch):
         if config.optimizer == "stepping":
             loops = _TRACKING if config.schedule == "tracking" else SCHEDULES[config.schedule]
             return step_downhill(score, state, chain, _STEPPING_POLISH if polish else SteppingOptions(loops), variables)
-        return search_simplex(score, state, chain, _SIMPLEX_POLISH if polish else SimplexOptions(), variables)
+        return search_simplex(score, state, chain, _SIMPLEX_POLISH if polish else STAGES, variables)
 
 
 def walked(
@@ -258,14 +258,6 @@ def ended(result: OptimizerResult, correspondences: Correspondences) -> Fit:
         result.state, result.equations, result.iterations, result.evaluations, result.converged, correspondences,
         SumObjective([correspondences]),
     )  # fmt: skip
-
-
-def _own_dofs(chain: KinematicChain, link: int) -> np.ndarray:
-    """(n_dof,) mask of the joint that moves a link."""
-    dofs = np.zeros(chain.n_dof, dtype=np.bool_)
-    first = N_ROOT_DOF + int(chain.axis_start[link])
-    dofs[first : first + int(chain.axis_count[link])] = True
-    return dofs
 
 
 def _placed(chain: KinematicChain, links: np.ndarray, later: Sequence[int]) -> np.ndarray:

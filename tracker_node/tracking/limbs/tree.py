@@ -45,8 +45,8 @@ def limbs_of(model: ArticulatedModel) -> tuple[Limb, ...]:
         shapes = mask[model.shape_links]
         if shapes.any():
             trunk &= ~mask
-            result.append(_limb(model, chain.links[links[-1]], mask, _dofs_of(chain, links)))
-    dofs = _dofs_of(chain, np.flatnonzero(trunk).tolist())
+            result.append(_limb(model, chain.links[links[-1]], mask, chain.dofs_of(links)))
+    dofs = chain.dofs_of(np.flatnonzero(trunk).tolist())
     dofs[:N_ROOT_DOF] = True
     return (_limb(model, chain.links[0], trunk, dofs), *result)
 
@@ -56,7 +56,7 @@ def joint_groups(chain: KinematicChain) -> list[np.ndarray]:
 
     A person's are the trunk, the head, two arms and two legs.
     """
-    groups = [np.flatnonzero(_dofs_of(chain, stretch.links)[N_ROOT_DOF:]) for stretch in _stretches(chain)]
+    groups = [np.flatnonzero(chain.dofs_of(stretch.links)[N_ROOT_DOF:]) for stretch in _stretches(chain)]
     return [group for group in groups if len(group)]
 
 
@@ -137,14 +137,6 @@ def _stretches(chain: KinematicChain) -> list[_Stretch]:
     return result
 
 
-def _dofs_of(chain: KinematicChain, links: list[int]) -> np.ndarray:
-    dofs = np.zeros(chain.n_dof, dtype=np.bool_)
-    for link in links:
-        first = N_ROOT_DOF + chain.axis_start[link]
-        dofs[first : first + chain.axis_count[link]] = True
-    return dofs
-
-
 def _limb(model: ArticulatedModel, name: str, links: np.ndarray, dofs: np.ndarray) -> Limb:
     """Its tip is the landmark of its own that is the farthest down the tree, and from the origin of its link."""
     own = [i for i, link in enumerate(model.landmark_links) if links[link]]
@@ -183,7 +175,7 @@ def stages_of(chain: KinematicChain) -> tuple[JointGroup, ...]:
     for level in range(1, int(depth.max(initial=0)) + 1):
         links = [link for link in range(len(chain.links)) if depth[link] == level and chain.axis_count[link]]
         if links:
-            result.append(_group(chain, ", ".join(chain.links[link] for link in links), _dofs_of(chain, links)))
+            result.append(_group(chain, ", ".join(chain.links[link] for link in links), chain.dofs_of(links)))
     return tuple(result)
 
 

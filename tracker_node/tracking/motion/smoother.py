@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -194,21 +193,3 @@ class Smoother:
             for kept in (self._stamps_ns, self._filtered, self._links):
                 kept.popleft()
         return result[:count]
-
-
-def smooth(measurements: Iterable[Measurement], dynamics: Dynamics, lag_s: float = math.inf) -> Iterator[Belief | None]:
-    """One belief per measurement, in their order.
-
-    Parameters
-    ----------
-    measurements : in the order of time.
-    dynamics, lag_s : see `Smoother`.
-
-    Yields
-    ------
-    None where `Smoother` has none.
-    """
-    smoother = Smoother(dynamics, lag_s)
-    for measurement in measurements:
-        yield from smoother.add(measurement)
-    yield from smoother.finish()

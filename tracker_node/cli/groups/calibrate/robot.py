@@ -37,7 +37,7 @@ def _run_robot(args: argparse.Namespace) -> int:
     import numpy as np
 
     from ....calibration.tracked_body.report import robot_metrics, write_robot_report
-    from ....calibration.tracked_body.robot_fit import RobotFitOptions, fit_robot, rig_on_base
+    from ....calibration.tracked_body.robot_fit import fit_robot, rig_on_base
     from ....loaders.model.model_yaml import load_model
     from ....loaders.model.state_yaml import dump_state, load_state
     from ....loaders.rig.rig_yaml import read_rig_file, write_rig_file
@@ -64,9 +64,9 @@ def _run_robot(args: argparse.Namespace) -> int:
     rig, images = _images(args, config, said, given, model)
     if images.unsaid and not args.quiet:
         print(f"calibrate robot: nothing is said of {', '.join(images.unsaid)}: as in {args.initial_state}")
-    options = RobotFitOptions(offset_sigma_rad=np.radians(args.zeros_sigma_deg), config=config)
+    sigma_rad = float(np.radians(args.zeros_sigma_deg))
     progress = None if args.quiet else StageProgress("calibrate robot")
-    fit = fit_robot(model, rig, images.sets, images.poses, given.T_world_root, options, progress)
+    fit = fit_robot(model, rig, images.sets, images.poses, given.T_world_root, config, sigma_rad, progress)
     first = State(fit.T_world_base, fit.states[0].joint_positions)
     dump_state(first, model, args.output, "Where the robot stood; its joints are those of the first image set.")
     if args.rig_output:
