@@ -28,7 +28,7 @@ from ...camera.model import CameraModel
 from ...camera.rig import Camera, CameraRig
 from ...errors import FileFormatError
 from ...geometry import se3
-from ..json_values import parse_json
+from ..json_values import parse_json, parse_xml
 from ..whole_file import read_text, write_whole
 from ..yaml_file import OpenCvMatrix, parse_mapping
 from .lens import identifier, lens_of, pose_of, rig_of
@@ -105,15 +105,7 @@ def _is_count(value: Node) -> bool:
 
 
 def _root(text: str, path: str | Path) -> ElementTree.Element:
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # no program writes them, and entities can grow without bound
-        raise FileFormatError(path, "(file)", "XML without a document type", "one")
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        line, column = error.position
-        raise FileFormatError(path, f"line {line}, column {column + 1}", "XML", str(error).partition(":")[0]) from None
-    except (ValueError, LookupError) as error:  # an encoding that Python does not know
-        raise FileFormatError(path, "(file)", "XML", str(error)) from None
+    root = parse_xml(text, path)
     if root.tag != "opencv_storage":
         raise FileFormatError(path, "(top level)", "<opencv_storage>", f"<{root.tag}>")
     return root

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
+from ..json_values import parse_xml
 from ..whole_file import read_bytes, whole_file
 from .lens import identifier, lens_of, pose_of, rig_of
 
@@ -30,10 +31,7 @@ def load_qualisys(path: str | Path) -> CameraRig:
     ------
     FileFormatError : no such file, no XML, or an element or number that is missing or wrong.
     """
-    try:  # an encoding that Python does not know is a LookupError, one of several bytes a ValueError
-        root = ET.fromstring(read_bytes(path))
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise FileFormatError(path, "(file)", "a Qualisys calibration (XML)", str(error)) from None
+    root = parse_xml(read_bytes(path), path)
     found = [element for element in root.findall("cameras/camera") if element.get("active", "1") == "1"]
     if root.tag != "calibration" or not found:
         raise FileFormatError(path, "(file)", "<calibration> with <cameras> of which one is active", f"<{root.tag}>")
