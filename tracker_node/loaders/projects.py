@@ -31,6 +31,7 @@ from ..errors import FileFormatError
 from .decoding import IMAGE_SUFFIXES
 from .rig.lens import identifier
 from .rig.opencap_pickle import FILE_NAME
+from .source_address import natural
 from .whole_file import read_text
 from .yaml_file import read_mapping
 
@@ -64,12 +65,6 @@ class ProjectTrial:
 
 def is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEO_SUFFIXES and not path.name.startswith(".") and path.is_file()
-
-
-def natural(text: str | Path) -> list[tuple[int, int, str]]:
-    """Key of an order in which ``cam10`` comes after ``cam9``."""
-    parts = re.split(r"(\d+)", str(text))
-    return [(1, int(part), "") if part.isdigit() else (0, 0, part.lower()) for part in parts if part]
 
 
 def subfolders(folder: Path) -> list[Path]:

@@ -1,4 +1,4 @@
-"""The grammar of image sources, in rig files and on the command line.
+"""The grammar of image sources, in rig files and on the command line; the natural order of files.
 
 ============================================  ======================================================================
 ``videos/cam1.mp4``, ``file:videos/cam1.mp4``  video file, folder of images, or pattern of image files
@@ -26,6 +26,13 @@ FILE, BAG, DEVICE, STREAM, TOPIC = "file", "bag", "v4l2", "stream", "topic"
 STREAM_SCHEMES = ("rtsp", "rtsps", "http", "https", "udp", "tcp", "rtmp", "srt")
 _PATTERN = re.compile(r"(?:[^{}]|\{\{|\}\}|\{name\}|\{number(?::\d{1,2}d?)?\})*")
 TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
+def natural(name: str | Path) -> tuple[list[tuple[int, int, str]], str]:
+    """Key of an order in which ``cam10`` comes after ``cam9``, numbers before letters, ``IMG_2`` beside ``img_1``."""
+    parts = enumerate(re.split(r"([0-9]+)", str(name)))
+    # The name itself at last: ``img1`` and ``img01`` are to have an order that the file system does not make
+    return [(0, int(part), "") if i % 2 else (1, 0, part.lower()) for i, part in parts if part], str(name)
 
 
 @dataclass(frozen=True)
