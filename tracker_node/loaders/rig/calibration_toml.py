@@ -17,8 +17,9 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...errors import FileFormatError, UnknownNameError
 from ...geometry import se3, so3
+from ..source_address import identifier
 from ..whole_file import read_text, write_whole
-from .lens import array_of, identifier, lens_of, pose_of, rig_of, size_of
+from .lens import array_of, lens_of, pose_of, rig_of, size_of
 
 
 def load_pose2sim(path: str | Path) -> CameraRig:

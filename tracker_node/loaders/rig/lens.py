@@ -5,7 +5,6 @@ Every function takes the file and the field for its messages.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,12 +19,6 @@ from ..file_model import LARGEST, is_number
 
 MOST_PX = 100_000  # of a side of an image
 _KINDS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
-
-
-def identifier(name: str) -> str:
-    """A name that can be part of a topic: ``0`` becomes ``cam_0``."""
-    name = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return name if name.isidentifier() else f"cam_{name}"
 
 
 def array_of(path: str | Path, field: str, value: object, shape: tuple[int, ...] | None = None) -> np.ndarray:

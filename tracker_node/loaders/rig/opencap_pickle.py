@@ -19,8 +19,9 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...errors import FileFormatError
 from ...geometry import se3
+from ..source_address import identifier
 from ..whole_file import read_bytes
-from .lens import array_of, identifier, lens_of, pose_of, rig_of, size_of
+from .lens import array_of, lens_of, pose_of, rig_of, size_of
 
 MM = 1000.0
 FILE_NAME = "cameraIntrinsicsExtrinsics.pickle"

@@ -30,9 +30,10 @@ from ...errors import FileFormatError
 from ...geometry import se3
 from ..file_model import LARGEST, is_number
 from ..json_values import parse_json, parse_xml
+from ..source_address import identifier
 from ..whole_file import read_text, write_whole
 from ..yaml_file import OpenCvMatrix, parse_mapping
-from .lens import identifier, lens_of, pose_of, rig_of, size_of
+from .lens import lens_of, pose_of, rig_of, size_of
 
 Node: TypeAlias = Any  # None, int, float, str, list, dict or np.ndarray
 _MOST_LEVELS = 20

@@ -15,8 +15,9 @@ from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
 from ..file_model import is_number
 from ..json_values import parse_xml
+from ..source_address import identifier
 from ..whole_file import read_bytes, whole_file
-from .lens import identifier, lens_of, pose_of, rig_of, size_of
+from .lens import lens_of, pose_of, rig_of, size_of
 
 SUBPIXELS = 64.0
 MM = 1000.0
