@@ -12,10 +12,9 @@ from tracker_node.evaluation.consistency import landmark_nees, state_nees
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.pose_metrics import rigid_errors, segment_errors, state_errors, surface_points
 from tracker_node.evaluation.review import Truth, review
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import holds_states, load_true_states
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, Trajectories, write_states
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import KinematicChain

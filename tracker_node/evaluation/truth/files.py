@@ -16,7 +16,7 @@ from ...geometry import so3
 from ...loaders.csv_file import CsvTable
 from ...loaders.images.stamps import stamps_from_first_ns
 from ...loaders.motion.c3d_file import load_c3d
-from ...loaders.motion.trajectory_file import LEADING_COLUMNS, read_joints, read_states
+from ...loaders.motion.trajectory_file import LEADING_COLUMNS, Trajectories, between, read_joints, read_states
 from ...loaders.motion.trc import load_trc
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import (
@@ -32,7 +32,6 @@ from ...model.configuration import (
 from ...model.humans.measures import landmark_of_marker
 from ...model.kinematic_chain import N_ROOT_DOF
 from ..motion.coordinates import load_coordinates
-from .association import Trajectories, between
 
 COORDINATES = (".mot", ".sto")
 _NO_TRUTH = ("LOST", "INITIALIZING")
@@ -256,9 +255,7 @@ def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
         names, positions, valid = markers.names, markers.positions_m, markers.valid
     elif kind == ".csv":
         joints = read_joints(path)
-        order = np.argsort(joints.stamps_ns)
-        names, stamps = joints.names, joints.stamps_ns[order]
-        positions, valid = joints.positions_m[order], joints.valid[order]
+        names, stamps, positions, valid = joints.names, joints.stamps_ns, joints.positions_m, joints.valid
     else:
         raise FileFormatError(path, "(name)", "a .trc, .c3d or .csv file", path.suffix or path.name)
     if not len(stamps):
