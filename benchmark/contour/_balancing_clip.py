@@ -23,12 +23,12 @@ from tracker_node.evaluation.evaluate import Evaluation, EvaluationOptions, Silh
 from tracker_node.evaluation.masks import reference
 from tracker_node.evaluation.masks.reference import CameraMasks, load_reference_masks, read_still
 from tracker_node.evaluation.metrics import intersection_over_union
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.fetched_files import data_file
 from tracker_node.loaders.images.source import load_backgrounds, open_camera_source, resized_backgrounds
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State

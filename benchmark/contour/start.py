@@ -31,9 +31,10 @@ from benchmark.contour import _balancing_clip as balancing
 from benchmark.contour._runs import SCENE, clip_parser, configured, print_circumstances, recorded
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import TrackerError
-from tracker_node.evaluation.truth.association import Trajectories, truth_at
+from tracker_node.evaluation.truth.association import truth_at
 from tracker_node.evaluation.truth.files import EVALUATED_JOINTS, load_truth
 from tracker_node.loaders.images.source import load_backgrounds
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.observation.image_set import ImageSet

@@ -24,12 +24,12 @@ from tracker_node.calibration.balancing import named_rig
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.sample import prepare
 from tracker_node.evaluation.masks.reference import load_reference_masks
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import load_truth
 from tracker_node.loaders.fetched_files import Member, Wheel, fetch
 from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.loaders.rig.qualisys_xml import load_qualisys
 from tracker_node.loaders.rig.rig_yaml import RigFile, build_rig, rig_file_of
 from tracker_node.model.articulated import ArticulatedModel

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.render_scenes import LENSES, look_at
+from tracker_node.camera.light import Light
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig, epipolar_curve
 from tracker_node.errors import UnknownNameError
@@ -64,3 +65,14 @@ def test_a_ray_that_is_not_in_view_has_no_curve():
     a = look_at((2.0, 0.0, 1.0), (3.0, 0.0, 1.0), LENSES["plain"])
     b = look_at((-2.0, 0.0, 1.0), (-3.0, 0.1, 1.0), LENSES["plain"])
     assert epipolar_curve(a, np.array([80.0, 60.0]), b).shape == (0, 2)
+
+
+def test_other_sources_keep_the_rest_and_unknown_cameras_are_refused():
+    """Of four ways to give sources two left out a camera that the rig does not have, without a word."""
+    rig = CameraRig((camera("cam01"), camera("cam02")), "floor", (Light("ambient"),))
+    changed = rig.with_sources({"cam02": "b.mp4"})
+    assert [camera.source for camera in changed] == [None, "b.mp4"] and changed.names == rig.names
+    assert (changed.world_frame, changed.lights) == ("floor", rig.lights)
+    assert [camera.source for camera in changed.with_sources({"cam02": None})] == [None, None]
+    with pytest.raises(UnknownNameError, match="unknown camera 'cam03'; valid: cam01, cam02"):
+        rig.with_sources({"cam01": "a.mp4", "cam03": "c.mp4"})

@@ -12,9 +12,9 @@ from tracker_node.cli.main import main
 from tracker_node.loaders.bag.images import image_of
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.motion.trajectory_file import (
-    JointTrajectory,
     StateRow,
     StateTrajectory,
+    Trajectories,
     read_joints,
     read_states,
     write_joints,
@@ -43,7 +43,7 @@ def clip(tmp_path_factory) -> Clip:
     assert main(["track", *files(clip), "--output", str(clip.folder / "run"), "--smooth", "--masks", "--quiet"]) == 0
     stamps_ns, names = load_run(clip.folder / "run").stamps_ns, clip.model.landmark_names
     positions = np.array([Configuration(clip.model, state).landmarks_world for state in clip.states])
-    write_joints(clip.folder / "truth.csv", JointTrajectory(names, stamps_ns, positions, np.ones(positions.shape[:2], bool)))
+    write_joints(clip.folder / "truth.csv", Trajectories(names, stamps_ns, positions, np.ones(positions.shape[:2], bool)))
     rows = [StateRow(int(stamp), "TRACKING", "", s.to_values()) for stamp, s in zip(stamps_ns, clip.states, strict=True)]
     write_states(clip.folder / "true_states.csv", StateTrajectory(clip.model.chain.dof_names, tuple(rows)))
     return clip

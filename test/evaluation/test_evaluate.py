@@ -8,8 +8,8 @@ import pytest
 from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.evaluate import EvaluationOptions, evaluate
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import EVALUATED_JOINTS, offset_links
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.runs.load import load_run
 
 

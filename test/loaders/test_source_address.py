@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from tracker_node.cli.arguments.runs import named_options
 from tracker_node.errors import FileFormatError, SourceError, shown, without_password
-from tracker_node.loaders.images.source import open_source, size_contradiction
+from tracker_node.loaders.images.source import list_images, open_source, size_contradiction
+from tracker_node.loaders.projects import recordings_in, subfolders
 from tracker_node.loaders.rig.capture_yaml import changed_settings, split_change
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.loaders.source_address import SourceAddress, parse_source, relocated, sources_for_child, sources_from_parent
@@ -178,3 +179,23 @@ def test_settings_from_the_command_line(tmp_path: Path):
 def test_a_live_source_is_not_read_as_a_recording():
     with pytest.raises(SourceError, match="is live"):
         open_source("v4l2:/dev/video0")
+
+
+@pytest.mark.parametrize(
+    "stems",
+    [
+        ["img_1", "img_2", "img_10"], ["frame0001", "frame0002", "frame0010"], ["1", "2", "10"], ["cam1_9", "cam1_10", "cam2_1"],
+        ["IMG_1", "img_2", "IMG_10"], ["1_walk", "2_walk", "walk"], ["a01", "a1"], ["1²3"],
+    ],
+)  # fmt: skip
+def test_images_videos_and_folders_have_one_natural_order(tmp_path: Path, stems: list[str]):
+    """Images went by capitals first, videos and folders did not; a01 and a1 as the file system has them; 1²3 was an error."""
+    for stem in reversed(stems):
+        (tmp_path / f"images/{stem}.png").parent.mkdir(exist_ok=True)
+        (tmp_path / f"images/{stem}.png").touch()
+        (tmp_path / f"videos/{stem}.mp4").parent.mkdir(exist_ok=True)
+        (tmp_path / f"videos/{stem}.mp4").touch()
+        (tmp_path / "folders" / stem).mkdir(parents=True)
+    assert [Path(file).stem for file in list_images(str(tmp_path / "images"))] == stems
+    assert [file.stem for file in recordings_in(tmp_path / "videos")] == stems
+    assert [folder.name for folder in subfolders(tmp_path / "folders")] == stems

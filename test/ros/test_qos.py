@@ -4,7 +4,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tracker_node.ros.qos import PROFILE_VARIABLE, config_file, images_subscribed, use_fastdds_profile
+from tracker_node.loaders.fetched_files import data_file
+from tracker_node.ros.qos import PROFILE_VARIABLE, images_subscribed, use_fastdds_profile
 
 NS = {"dds": "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"}
 
@@ -12,6 +13,7 @@ NS = {"dds": "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"}
 def test_the_users_own_profile_wins():
     environment = {PROFILE_VARIABLE: "/some/where.xml"}
     assert use_fastdds_profile(environment) == "/some/where.xml"
+    assert use_fastdds_profile({"ROS_AUTOMATIC_DISCOVERY_RANGE": ""}) == str(data_file("config/fastdds_profile.xml"))
 
 
 @pytest.mark.parametrize(("discovery", "addresses"), [("LOCALHOST", ["127.0.0.1"]), ("SUBNET", []), (None, [])])
@@ -24,15 +26,10 @@ def test_the_loopback_only_where_discovery_stays_on_this_machine(discovery, addr
 
 @pytest.mark.parametrize("name", ["fastdds_profile.xml", "fastdds_profile_localhost.xml"])
 def test_several_image_sets_fit_into_shared_memory(name):
-    root = ElementTree.parse(config_file(name)).getroot()
+    root = ElementTree.parse(data_file(f"config/{name}")).getroot()
     segment = int(root.findtext(".//dds:segment_size", namespaces=NS))
     assert segment >= 2 * 4 * 1088 * 1920 * 3
     assert int(root.findtext(".//dds:port_queue_capacity", namespaces=NS)) >= 1024
-
-
-def test_missing_file_names_the_places():
-    with pytest.raises(FileNotFoundError, match="share/tracker_node/config"):
-        config_file("nonsense.xml")
 
 
 def test_lossless_is_reliable():

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ..camera.rig import CameraRig
 from ..errors import TrackerError
 from ..loaders.images.source import SourceOptions
 from ..loaders.model.model_yaml import load_model
@@ -130,7 +128,7 @@ def recording_of(file: RecordingFile) -> Recording:
         got = ", ".join([*file.bodies, *([] if file.joining is None else file.joining.names)])
         raise TrackerError(f"expected a recording of one body, got several: {got}")
     rig, model = load_rig(file.rig), load_model(file.model)
-    rig = with_sources(rig, file.sources_of(rig.names))
+    rig = rig.with_sources(file.sources_of(rig.names))
     images, points = file.images, file.keypoints
     return Recording(
         rig=rig.subset(file.cameras) if file.cameras else rig,
@@ -156,23 +154,3 @@ def _joint_states(entry: JointStatesEntry) -> JointStateFile:
 
 def _path(name: str | None) -> Path | None:
     return None if name is None else Path(name)
-
-
-def with_sources(rig: CameraRig, sources: Mapping[str, str]) -> CameraRig:
-    """The rig with other sources for some cameras.
-
-    Parameters
-    ----------
-    rig : cameras.
-    sources : camera name -> video, image folder, or pattern.
-
-    Returns
-    -------
-    The same cameras in the same order.
-
-    Raises
-    ------
-    UnknownNameError : a camera that the rig does not have.
-    """
-    named = {name: replace(rig[name], source=source) for name, source in sources.items()}
-    return CameraRig(tuple(named.get(camera.name, camera) for camera in rig), rig.world_frame, rig.lights)

@@ -68,7 +68,7 @@ def write_rigs(folder: Path) -> Refinement:
 def named_rig(toml: Path) -> CameraRig:
     """The calibration with the cameras' names as the videos have them (``cam_01`` is ``cam01``)."""
     rig = load_pose2sim(toml)
-    return CameraRig(tuple(replace(camera, name=camera.name.replace("_", "")) for camera in rig), rig.world_frame, rig.lights)
+    return replace(rig, cameras=tuple(replace(camera, name=camera.name.replace("_", "")) for camera in rig))
 
 
 def rig_file(rig: CameraRig, trial: str) -> RigFile:

@@ -88,7 +88,7 @@ def _rig_of_lenses(files: Sequence[str], like: str | None) -> CameraRig:
             raise FileFormatError(file, "camera_name", "a different name for each camera", name)
         T_world_cam = places[name].T_world_cam if places is not None else np.eye(4)
         cameras.append(Camera(name, model, T_world_cam))
-    return CameraRig(tuple(cameras), places.world_frame if places is not None else "world")
+    return replace(places or CameraRig(()), cameras=tuple(cameras))
 
 
 def _rig_of_dlt(file: str, size: tuple[int, int] | None) -> CameraRig:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -160,7 +160,25 @@ class CameraRig:
 
     def subset(self, names: list[str] | tuple[str, ...]) -> CameraRig:
         """The rig of the named cameras only, in the given order."""
-        return CameraRig(tuple(self[name] for name in names), self.world_frame, self.lights)
+        return replace(self, cameras=tuple(self[name] for name in names))
+
+    def with_sources(self, sources: Mapping[str, str | None]) -> CameraRig:
+        """The rig with other sources for some cameras.
+
+        Parameters
+        ----------
+        sources : camera -> see `loaders.source_address`; None: it has none.
+
+        Returns
+        -------
+        The same cameras in the same order.
+
+        Raises
+        ------
+        UnknownNameError : a camera that the rig does not have.
+        """
+        named = {name: replace(self[name], source=source) for name, source in sources.items()}
+        return replace(self, cameras=tuple(named.get(camera.name, camera) for camera in self))
 
 
 _NEAREST_M, _FARTHEST_M, _N_DEPTHS = 0.05, 200.0, 400

@@ -118,7 +118,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from ..api.recording import with_sources
     from ..errors import TrackerError
     from ..loaders.rig.rig_yaml import load_rig
     from ..runs.offline import run_together
@@ -132,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
         if "" not in bodies:
             raise TrackerError("--from-run-bag: expected a run of one body, got a recording of several")
         _as_that_run(args)
-    rig = with_sources(load_rig(args.rig), dict(args.source))
+    rig = load_rig(args.rig).with_sources(dict(args.source))
     rig = rig.subset(args.cameras) if args.cameras else rig
     told: list[str] = []
 

@@ -7,7 +7,7 @@ is kept at full size.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import dropwhile, islice
 from pathlib import Path
 
@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from ..camera.rig import Camera, CameraRig
-from ..errors import SourceError, TrackerError, UnknownNameError
+from ..errors import SourceError, TrackerError
 from ..loaders.bag.metadata import STORAGE_SUFFIXES
 from ..loaders.images.source import ImageSource, open_camera_source_of_any_size
 from ..observation.deinterlace import comb_ratio
@@ -241,11 +241,7 @@ def with_inputs(rig: CameraRig, inputs: Sequence[str]) -> CameraRig:
         names = ", ".join(rig.names)
         problem = f"expected a bag, one source for each of {names}, or camera=source; got {len(inputs)} sources"
         raise SourceError(" ".join(inputs), problem)
-    for name in named:
-        if name not in rig.names:
-            raise UnknownNameError("camera", name, rig.names)
-    cameras = tuple(replace(c, source=named[c.name]) if c.name in named else c for c in rig)
-    return replace(rig, cameras=cameras)
+    return rig.with_sources(named)
 
 
 def record(

@@ -8,12 +8,13 @@ from typing import TypeVar
 import numpy as np
 
 from ..errors import FileFormatError
+from ..loaders.motion.trajectory_file import Trajectories
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..tracking.estimate import Status
 from . import metrics
 from .motion.joint_motion import AUTO
-from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, Trajectories, estimate_lag, image_period_ns, truth_at
+from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, estimate_lag, image_period_ns, truth_at
 from .truth.files import LIMBS, common_bones, common_joints, offset_links
 
 OnOneClock = TypeVar("OnOneClock", bound=OnAClock)

@@ -27,22 +27,23 @@ from ..errors import FileFormatError, SourceError, TrackerError, UnknownNameErro
 from ..observation.keypoints.blazepose import BlazePoseFiles
 from .whole_file import whole_file
 
-_SOURCE_TREE = Path(__file__).resolve().parents[2]
-
 
 def data_file(name: str) -> Path:
     """Path of a file that comes with the package, e.g. ``config/balancing.yaml``.
 
-    It is searched in the source tree, in this Python's share/tracker_node, and in every ROS prefix.
+    It is searched in the source tree or prefix of the code that runs, in every ROS prefix, and in this Python's prefix.
 
     Raises
     ------
     SourceError : when the installation lacks it, naming the places searched.
     """
-    prefixes = [sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
-    places = [_SOURCE_TREE, *(Path(prefix) / "share/tracker_node" for prefix in prefixes if prefix)]
+    # The code's own files first: another version may be installed in a prefix that is sourced, or in this Python.
+    code = Path(__file__).resolve().parents  # 2: a source tree, or the folder of packages; 5: the prefix of that
+    sourced = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    prefixes = [*map(str, code[2:6]), *filter(None, sourced), sys.prefix]
+    places = [code[2], *dict.fromkeys(Path(prefix) / "share/tracker_node" for prefix in prefixes)]
     for place in places:
-        if (place / name).exists():
+        if (place / name).is_file():
             return place / name
     raise SourceError(name, f"is not in the installation; looked in {', '.join(map(str, places))}")
 

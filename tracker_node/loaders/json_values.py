@@ -1,11 +1,13 @@
-"""JSON read strictly, and numbers for JSON, which knows none that are not finite."""
+"""JSON and XML read strictly, and numbers for JSON, which knows none that are not finite."""
 
 from __future__ import annotations
 
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
+from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
@@ -44,6 +46,38 @@ def parse_json(text: str | bytes, file: str | Path) -> Any:
         raise FileFormatError(file, "(content)", "JSON", "lists or mappings nested without end") from None
     except ValueError as error:
         raise FileFormatError(file, "(content)", "JSON", str(error)) from None
+
+
+def parse_xml(content: str | bytes, file: str | Path) -> ElementTree.Element:
+    """Top element of an XML text.
+
+    Parameters
+    ----------
+    content, file : text, or bytes that say their encoding; file, for messages.
+
+    Returns
+    -------
+    The element with all below it.
+
+    Raises
+    ------
+    FileFormatError : no XML, with line and column; an encoding that is not known; an entity that is declared.
+    """
+    parser = expat.ParserCreate(namespace_separator="}")  # as ElementTree, which does not let declarations be seen
+
+    def refuse(*_: object) -> NoReturn:  # no program writes entities, and they can grow without bound
+        place = f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}"
+        raise FileFormatError(file, place, "XML without entities of its own", "one")
+
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(content, True)
+        return ElementTree.fromstring(content)
+    except (expat.ExpatError, ElementTree.ParseError) as error:
+        line, column = error.position if isinstance(error, ElementTree.ParseError) else (error.lineno, error.offset)
+        raise FileFormatError(file, f"line {line}, column {column + 1}", "XML", str(error).partition(":")[0]) from None
+    except (ValueError, LookupError) as error:  # an encoding that Python does not know, or of several bytes
+        raise FileFormatError(file, "(file)", "XML", str(error)) from None
 
 
 def finite(value: float) -> float | None:

@@ -29,8 +29,8 @@ from typing import Any
 
 from ..errors import FileFormatError
 from .decoding import IMAGE_SUFFIXES
-from .rig.lens import identifier
 from .rig.opencap_pickle import FILE_NAME
+from .source_address import files_of_cameras, natural
 from .whole_file import read_text
 from .yaml_file import read_mapping
 
@@ -64,12 +64,6 @@ class ProjectTrial:
 
 def is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEO_SUFFIXES and not path.name.startswith(".") and path.is_file()
-
-
-def natural(text: str | Path) -> list[tuple[int, int, str]]:
-    """Key of an order in which ``cam10`` comes after ``cam9``."""
-    parts = re.split(r"(\d+)", str(text))
-    return [(1, int(part), "") if part.isdigit() else (0, 0, part.lower()) for part in parts if part]
 
 
 def subfolders(folder: Path) -> list[Path]:
@@ -129,19 +123,18 @@ def videos_by_camera(trial: ProjectTrial, names: Sequence[str], tell: Callable[[
 
     Returns
     -------
-    Camera -> video, of those that have one; by equal names, or by the last numbers in the names, or in their order.
+    Camera -> video, of those that have one; by their names, see `files_of_cameras`, or in their order.
 
     Raises
     ------
     FileFormatError : fewer than two of several cameras have a video, and the numbers of cameras and videos differ.
     """
-    for key in (lambda text: identifier(text).lower(), _number):
-        cameras, videos = ({key(name): name for name in found} for found in (names, trial.videos))
-        both = [value for value in cameras if value in videos and value is not None]
-        if len(cameras) == len(names) and len(videos) == len(trial.videos) and len(both) >= min(2, len(names)):
-            for name in (cameras[value] for value in cameras if value not in both):
+    found = files_of_cameras(trial.videos, names)
+    if len(found) >= min(2, len(names)):
+        for name in names:
+            if name not in found:
                 tell(f"camera {name} has no video in {trial.folder} and is left out")
-            return {cameras[value]: trial.videos[videos[value]] for value in both}
+        return {name: trial.videos[file] for name, file in found.items()}
     if len(names) != len(trial.videos):
         expected = f"a video for each of the cameras {', '.join(names)}, by its name or its number"
         raise FileFormatError(trial.folder, "(videos)", expected, ", ".join(map(str, trial.videos)))
@@ -149,12 +142,6 @@ def videos_by_camera(trial: ProjectTrial, names: Sequence[str], tell: Callable[[
     pairs = ", ".join(f"{name}: {trial.videos[file].name}" for name, file in zip(names, files, strict=True))
     tell(f"cameras and videos have different names and are paired in their order: {pairs}")
     return {name: trial.videos[file] for name, file in zip(names, files, strict=True)}
-
-
-def _number(name: str) -> int | None:
-    """The last number of a name: that of the camera in ``int_cam01_img`` and ``rec2_Cam1_synchronized``."""
-    found = re.findall(r"\d{1,9}", name)
-    return int(found[-1]) if found else None
 
 
 _FOLDERS = {  # what a project is known by

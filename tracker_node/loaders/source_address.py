@@ -1,4 +1,4 @@
-"""The grammar of image sources, in rig files and on the command line.
+"""The grammar of image sources, in rig files and on the command line; the natural order of files, and which is a camera's.
 
 ============================================  ======================================================================
 ``videos/cam1.mp4``, ``file:videos/cam1.mp4``  video file, folder of images, or pattern of image files
@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,6 +26,67 @@ FILE, BAG, DEVICE, STREAM, TOPIC = "file", "bag", "v4l2", "stream", "topic"
 STREAM_SCHEMES = ("rtsp", "rtsps", "http", "https", "udp", "tcp", "rtmp", "srt")
 _PATTERN = re.compile(r"(?:[^{}]|\{\{|\}\}|\{name\}|\{number(?::\d{1,2}d?)?\})*")
 TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
+def natural(name: str | Path) -> tuple[list[tuple[int, int, str]], str]:
+    """Key of an order in which ``cam10`` comes after ``cam9``, numbers before letters, ``IMG_2`` beside ``img_1``."""
+    parts = enumerate(re.split(r"([0-9]+)", str(name)))
+    # The name itself at last: ``img1`` and ``img01`` are to have an order that the file system does not make
+    return [(0, int(part), "") if i % 2 else (1, 0, part.lower()) for i, part in parts if part], str(name)
+
+
+_NUMBER = re.compile(r"[0-9]{1,18}")
+
+
+def numbers_in(name: str) -> list[int]:
+    """The numbers in a name, such as 1 and 12 of ``cam1_000012``."""
+    return list(map(int, _NUMBER.findall(name)))
+
+
+def last_number(name: str) -> int | None:
+    """The last number in a name: the camera's in ``int_cam01_img``, the image's in ``cam1_000012``; None where there is none."""
+    return next(reversed(numbers_in(name)), None)
+
+
+def identifier(name: str) -> str:
+    """A name that can be part of a topic: ``0`` becomes ``cam_0``."""
+    name = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return name if name.isidentifier() else f"cam_{name}"
+
+
+def files_of_cameras(files: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
+    """Which of some files, or folders, belongs to which camera, by their names.
+
+    The first rule that fits one file alone counts: the camera's name (``cam_01``, ``Cam-01``, ``cam_01_json``); its name as a
+    word, or at the end (``trial2_cam01``, ``walk-camA`` for ``A``); its last number (``cam1`` for ``cam_01``). A single file
+    belongs to a single camera whatever its name.
+
+    Parameters
+    ----------
+    files, cameras : their names.
+
+    Returns
+    -------
+    Camera -> file; cameras without one are absent. Empty where two have the same.
+    """
+    files = list(files)
+    if len(files) == len(cameras) == 1:
+        return {cameras[0]: files[0]}
+    found = {}
+    for camera in cameras:
+        own, number = identifier(camera).lower(), last_number(camera)
+        word = re.compile(rf"(?<![^\W_]){re.escape(camera)}(?![^\W_])", re.IGNORECASE)
+        end = re.compile(rf"{'(?<![0-9])' if camera[:1].isdigit() else ''}{re.escape(camera)}$")  # cam12 does not end in 2
+        rules = (
+            [file for file in files if identifier(file).lower() in (own, f"{own}_json")],
+            [file for file in files if word.search(file)],
+            [file for file in files if end.search(file)],
+            [file for file in files if number is not None and last_number(file) == number],
+        )
+        alone = next((fitting[0] for fitting in rules if len(fitting) == 1), None)
+        if alone is not None:
+            found[camera] = alone
+    return found if len(set(found.values())) == len(found) else {}
 
 
 @dataclass(frozen=True)

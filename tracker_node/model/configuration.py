@@ -206,7 +206,8 @@ def configured(model: ArticulatedModel, state: State) -> Configuration:
     return Configuration(model, state)
 
 
-ROOT_NAMES = ("x", "y", "z", "somersault", "tilt", "twist")
+ROTATION_NAMES = ("somersault", "tilt", "twist")
+ROOT_NAMES = ("x", "y", "z", *ROTATION_NAMES)
 N_ROOT = len(ROOT_NAMES)
 
 

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import inspect
 import os
-import sys
 from collections.abc import Callable, MutableMapping
 from copy import copy
-from pathlib import Path
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..loaders.bag.metadata import OfferedQos
+from ..loaders.fetched_files import data_file
 
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
@@ -91,22 +90,6 @@ def policy_name(kind: int) -> str:
     return QoSPolicyKind(kind).name.lower()
 
 
-def config_file(name: str) -> Path:
-    """A file of this package's ``config`` folder, in a source tree or installed.
-
-    Raises
-    ------
-    FileNotFoundError : naming the places that were searched.
-    """
-    places = [Path(__file__).resolve().parents[2] / "config"]
-    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    places += [Path(prefix) / "share" / "tracker_node" / "config" for prefix in prefixes if prefix]
-    for place in places:
-        if (place / name).is_file():
-            return place / name
-    raise FileNotFoundError(f"'{name}' is in none of {', '.join(str(place) for place in places)}")
-
-
 def use_fastdds_profile(environment: MutableMapping[str, str] = os.environ) -> str:
     """Name our transport profile in the environment unless the user named one; call it before ``rclpy.init``.
 
@@ -115,7 +98,7 @@ def use_fastdds_profile(environment: MutableMapping[str, str] = os.environ) -> s
     if not environment.get(PROFILE_VARIABLE):
         local = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
         name = "fastdds_profile_localhost.xml" if local else "fastdds_profile.xml"
-        environment[PROFILE_VARIABLE] = str(config_file(name))
+        environment[PROFILE_VARIABLE] = str(data_file(f"config/{name}"))
     return environment[PROFILE_VARIABLE]
 
 

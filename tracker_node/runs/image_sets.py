@@ -313,7 +313,7 @@ def resampled_rig(rig: CameraRig, options: SourceOptions) -> CameraRig:
         size = options.output_size(camera.model.width, camera.model.height)
         same = size == (camera.model.width, camera.model.height)
         cameras.append(camera if same else replace(camera, model=camera.model.resized(*size)))
-    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+    return replace(rig, cameras=tuple(cameras))
 
 
 def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
@@ -341,7 +341,7 @@ def rig_of_bag(rig: CameraRig, reader: BagReader) -> CameraRig:
             if first is not None and (first[1].width, first[1].height) != (camera.model.width, camera.model.height):
                 camera = replace(camera, model=lens_of(camera.name, first[1]))
         cameras.append(camera)
-    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+    return replace(rig, cameras=tuple(cameras))
 
 
 def topics_with_images(reader: BagReader, rig: CameraRig) -> dict[str, str]:

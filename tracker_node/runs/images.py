@@ -115,7 +115,7 @@ def rig_of_run(rig: CameraRig, info: Info, other_file: bool = False) -> CameraRi
         own = [(field, value) for target, field, value in changes if target in (None, camera.name)]
         capture = changed_settings(camera.capture, own) if own else camera.capture
         cameras.append(replace(camera, source=sources.get(camera.name, camera.source), capture=capture))
-    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+    return replace(rig, cameras=tuple(cameras))
 
 
 def image_bags_of(bag: Path | None, info: Info, cameras: tuple[str, ...]) -> dict[str, Path]:
@@ -185,7 +185,7 @@ def rig_from_bag(rig: CameraRig, bag: Path) -> CameraRig:
         Camera(c.name, c.model, c.T_world_cam, source=f"bag:{bag}" if c.name in recorded else None, gain=c.gain, gamma=c.gamma)
         for c in rig
     )
-    return CameraRig(tuple(cameras), rig.world_frame, rig.lights)
+    return replace(rig, cameras=tuple(cameras))
 
 
 def run_stream(

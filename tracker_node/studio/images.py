@@ -242,7 +242,7 @@ def working_rig(rig: CameraRig) -> tuple[CameraRig, int]:
     tallest = max(max(camera.model.height, camera.model.width) for camera in rig)
     factor = max(1, round(tallest / WORKING_HEIGHT_PX))
     small = (replace(c, model=c.model.resized(c.model.width // factor, c.model.height // factor)) for c in rig)
-    return CameraRig(tuple(small), rig.world_frame, rig.lights), factor
+    return replace(rig, cameras=tuple(small)), factor
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmark.contour import start as contour_start
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import EVALUATED_JOINTS
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import ImageSet

@@ -21,7 +21,7 @@ from tracker_node.calibration.board.report import (
     worst_views,
     write_rig_page,
 )
-from tracker_node.calibration.board.rig import calibrate_rig, first_camera_world, given_lenses, with_sources
+from tracker_node.calibration.board.rig import calibrate_rig, first_camera_world, given_lenses, with_clocks
 from tracker_node.calibration.board.views import BoardTimeStep, chosen, group_views, speeds, with_neighbors
 from tracker_node.calibration.tracked_body.rig_fit import world_of_most
 from tracker_node.camera.model import CameraModel
@@ -232,6 +232,5 @@ def test_given_lenses_are_of_the_recordings_size():
 
 
 def test_clocks_that_are_off_are_written_in_nanoseconds():
-    result = with_sources(circle_rig(2), {"cam01": "a.mp4", "cam02": None}, {"cam02": 0.0125})
+    result = with_clocks(circle_rig(2), {"cam02": 0.0125})
     assert [camera.time_offset_ns for camera in result] == [0, 12_500_000]
-    assert [camera.source for camera in result] == ["a.mp4", None]

@@ -156,6 +156,18 @@ def test_reconstruction_finds_points_from_exact_and_from_noisy_pixels():
     assert np.sqrt(((rough - POINTS) ** 2).mean()) < 0.01
 
 
+def test_parallel_rays_tell_no_point():
+    """Of two cameras side by side, or of one twice, the point was anywhere on its ray, and called valid."""
+    one, other = camera(i=0), camera(i=1)
+    beside = replace(one, name="beside", T_world_cam=one.T_world_cam @ se3.from_rotation_translation(np.eye(3), [1e-3, 0.0, 0.0]))
+    cameras = [one, one, beside, other]
+    parameters, pixels = np.array([dlt.dlt_parameters(c) for c in cameras]), [c.project(POINTS)[0] for c in cameras]
+    pixels = np.stack(pixels, axis=1) + np.random.default_rng(3).normal(size=(20, 4, 2))
+    for chosen, told in (([1.0, 1.0, 0.0, 0.0], False), ([1.0, 0.0, 1.0, 0.0], False), ([1.0, 0.0, 1.0, 1.0], True)):
+        points, valid = dlt.reconstruct(parameters, pixels, np.tile(chosen, (20, 1)))
+        assert (valid == told).all() and (points.any(axis=1) == told).all()
+
+
 @pytest.mark.parametrize(
     ("points", "problem"),
     [

@@ -1,9 +1,12 @@
 """``rig import``: other programs' calibrations become a rig.yaml that loads."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.camera.light import Light
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.camera_info import dump_camera_info
@@ -42,7 +45,7 @@ def test_a_pose2sim_rig_there_and_back(tmp_path, capsys):
 
 
 def test_lenses_of_ros_with_the_places_of_another_rig(tmp_path, capsys):
-    rig = circle_rig(2)
+    rig = replace(circle_rig(2), world_frame="lab", lights=(Light("ambient", (0.5, 0.5, 0.5)),))
     for camera in rig:
         dump_camera_info(camera.name, camera.model, tmp_path / f"{camera.name}.yaml")
     write_rig_file(rig_file_of(rig), tmp_path / "places.yaml")
@@ -50,6 +53,7 @@ def test_lenses_of_ros_with_the_places_of_another_rig(tmp_path, capsys):
     output = str(tmp_path / "rig.yaml")
     assert main(["rig", "import", "--camera-info", *files, "--like", str(tmp_path / "places.yaml"), "-o", output]) == 0
     np.testing.assert_allclose(load_rig(output)["cam02"].T_world_cam, rig["cam02"].T_world_cam, atol=1e-12)
+    assert (load_rig(output).world_frame, load_rig(output).lights) == ("lab", rig.lights)  # they were left out
     assert main(["rig", "import", "--camera-info", *files, "-o", output]) == 2
     assert "is there already" in capsys.readouterr().err
     assert main(["rig", "import", "--camera-info", *files, "-o", output, "--force"]) == 0

@@ -20,8 +20,8 @@ from tracker_node.evaluation.report import kinematics
 from tracker_node.evaluation.report.builder import ReportOptions, _facts, contact_sheets, write_report
 from tracker_node.evaluation.report.summary import Target, summary_table
 from tracker_node.evaluation.review import Review, Truth, review
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import TrueStates, unwrapped
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.model.configuration import variable_names
 from tracker_node.report.document import Cell, Column, Document, DocumentSection, Table, file_name, strips_of, write_figure_files
 from tracker_node.report.html import render_html

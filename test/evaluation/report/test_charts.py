@@ -9,7 +9,7 @@ from helpers.bodies.stick_person import PERIOD_NS, motion, write_run
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report import charts
 from tracker_node.evaluation.review import Review, Truth, review
-from tracker_node.evaluation.truth.association import Trajectories
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.runs.load import load_run
 from tracker_node.tracking.estimate import GRAY_LEVELS
 

@@ -10,8 +10,8 @@ from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report.scene import MOST_FRAMES, _drawn, _nearest, scene
 from tracker_node.evaluation.review import Review, review
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import Truth
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.model.configuration import Configuration
 from tracker_node.model.shapes.primitives import Box, Ellipsoid, Mesh, TruncatedCone
 from tracker_node.render.palette import BLUE, CYCLE, ORANGE

@@ -20,7 +20,7 @@ from tracker_node.evaluation.report.summary import (
     summary_table,
 )
 from tracker_node.evaluation.review import Review, Truth, review
-from tracker_node.evaluation.truth.association import Trajectories
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.report.document import Cell
 from tracker_node.runs.load import load_run
 

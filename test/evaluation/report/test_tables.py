@@ -11,7 +11,7 @@ from tracker_node.evaluation.consistency import NeesSeries
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.report import tables
 from tracker_node.evaluation.review import Review, Truth, review
-from tracker_node.evaluation.truth.association import Trajectories
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.runs.load import load_run
 
 N = 12

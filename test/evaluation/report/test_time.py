@@ -14,8 +14,8 @@ from tracker_node.evaluation.report.charts import error_chart, joint_map, status
 from tracker_node.evaluation.report.kinematics import ANGLES, VELOCITIES
 from tracker_node.evaluation.report.tables import loss_table
 from tracker_node.evaluation.review import Review, Truth, review
-from tracker_node.evaluation.truth.association import Trajectories
 from tracker_node.evaluation.truth.files import TrueStates
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.model.configuration import variable_names
 from tracker_node.runs.load import load_run
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.truth.association import Trajectories, estimate_lag, image_period_ns, truth_at
+from tracker_node.evaluation.truth.association import estimate_lag, image_period_ns, truth_at
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 
 PERIOD_NS = 16_666_667
 

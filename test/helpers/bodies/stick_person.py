@@ -9,9 +9,9 @@ from tracker_node.geometry import se3, so3
 from tracker_node.loaders.bag.message_types import STATE_COVARIANCE, TRACKED_STATE, message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import (
-    JointTrajectory,
     StateRow,
     StateTrajectory,
+    Trajectories,
     write_joints,
     write_states,
 )
@@ -120,5 +120,5 @@ def write_truth(path: Path, tracked: Motion, moved_m: float = 0.0) -> Path:
     """Truth as CSV, every landmark moved along x."""
     positions = tracked.landmarks_m + np.array([moved_m, 0.0, 0.0])
     valid = np.ones(positions.shape[:2], dtype=bool)
-    write_joints(path, JointTrajectory(tracked.model.landmark_names, tracked.stamps_ns, positions, valid))
+    write_joints(path, Trajectories(tracked.model.landmark_names, tracked.stamps_ns, positions, valid))
     return path

@@ -29,7 +29,7 @@ from tracker_node.loaders.images.file_sources import list_images
 from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.model.state_yaml import dump_state
 from tracker_node.loaders.motion.c3d_file import dump_c3d
-from tracker_node.loaders.motion.trajectory_file import JointTrajectory, StateRow, StateTrajectory, read_joints, write_states
+from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, Trajectories, read_joints, write_states
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 from tracker_node.loaders.rig.camera_info import dump_camera_info
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
@@ -157,13 +157,13 @@ def static_trial(place: Place) -> None:
     state, stamps = State.neutral(model), np.round(np.arange(5) * 1e9 / RATE_HZ).astype(np.int64)
     positions = np.repeat(Configuration(model, state).landmarks_world[None], 5, axis=0)
     valid = np.ones(positions.shape[:2], dtype=bool)
-    write_trc(place.folder / "static.trc", JointTrajectory(model.landmark_names, stamps, positions, valid))
+    write_trc(place.folder / "static.trc", Trajectories(model.landmark_names, stamps, positions, valid))
     (place.folder / "out/static").mkdir(parents=True)
     rows = tuple(StateRow(int(stamp), "TRACKING", "", state.to_values()) for stamp in stamps)
     write_states(place.folder / "out/static/states.csv", StateTrajectory(model.chain.dof_names, rows, model.chain.dof_units))
 
 
-def write_trc(path: Path, joints: JointTrajectory) -> None:
+def write_trc(path: Path, joints: Trajectories) -> None:
     times = joints.stamps_ns * 1e-9
     dump_trc(MarkerTrajectories(joints.names, times, joints.positions_m, RATE_HZ, joints.valid), path)
 

@@ -11,7 +11,7 @@ import numpy as np
 from helpers.cameras import board_films, small_clip
 from helpers.docs.pages import ROOT
 from tracker_node.cli.main import main
-from tracker_node.loaders.motion.trajectory_file import JointTrajectory, write_joints
+from tracker_node.loaders.motion.trajectory_file import Trajectories, write_joints
 from tracker_node.model.configuration import Configuration
 
 
@@ -58,10 +58,10 @@ class Shelf:
         return folder
 
 
-def _joints_of(clip: small_clip.Clip) -> JointTrajectory:
+def _joints_of(clip: small_clip.Clip) -> Trajectories:
     positions = np.array([Configuration(clip.model, state).landmarks_world for state in clip.states])
     stamps = np.round(np.arange(len(positions)) * 1e9 / small_clip.RATE_HZ).astype(np.int64)
-    return JointTrajectory(clip.model.landmark_names, stamps, positions, np.ones(positions.shape[:2], dtype=bool))
+    return Trajectories(clip.model.landmark_names, stamps, positions, np.ones(positions.shape[:2], dtype=bool))
 
 
 @dataclass

@@ -69,12 +69,25 @@ def test_joints_come_back_and_missing_ones_stay_missing(tmp_path: Path) -> None:
     valid = np.array([[True, True], [True, False], [True, True]])
     points[~valid] = 0.0
     stamps = np.array([10, 20, 30])
-    tf.write_joints(tmp_path / "joints.csv", tf.JointTrajectory(("neck", "head"), stamps, points, valid))
+    tf.write_joints(tmp_path / "joints.csv", tf.Trajectories(("neck", "head"), stamps, points, valid))
     read = tf.read_joints(tmp_path / "joints.csv")
     assert read.names == ("neck", "head")
     assert read.stamps_ns.tolist() == [10, 20, 30]
     assert read.positions_m.tobytes() == points.tobytes()
     assert (read.valid == valid).all()
+
+
+def test_rows_of_joints_may_come_in_any_order_but_time_steps_do_not(tmp_path: Path) -> None:
+    """What was read had the order of the file, and nothing had to fit together."""
+    (tmp_path / "joints.csv").write_text("stamp_ns,landmark,x,y,z\n20,neck,2,0,0\n10,neck,1,0,0\n20,head,3,0,0\n")
+    read = tf.read_joints(tmp_path / "joints.csv")
+    assert (read.names, read.stamps_ns.tolist()) == (("neck", "head"), [10, 20])
+    assert read.positions_m[..., 0].tolist() == [[1.0, 0.0], [2.0, 3.0]] and read.valid.tolist() == [[True, False], [True, True]]
+    assert read.at(np.array([15]))[0][0, 0].tolist() == [1.5, 0.0, 0.0]
+    with pytest.raises(ValueError, match="increasing stamps"):
+        tf.Trajectories(read.names, read.stamps_ns[::-1], read.positions_m, read.valid)
+    with pytest.raises(ValueError, match=r"expected positions \(2, 1, 3\)"):
+        tf.Trajectories(("neck",), read.stamps_ns, read.positions_m, read.valid)
 
 
 def test_joints_writer_writes_what_the_reader_reads(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Calibrations in other programs' formats: read, written, told by their contents."""
 
+import pickle
+
 import cv2
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ from tracker_node.loaders.rig.calibration_toml import DIALECTS, dump_calibration
 from tracker_node.loaders.rig.camera_info import dump_camera_info, load_camera_info
 from tracker_node.loaders.rig.control_points import dump_dlt, load_dlt
 from tracker_node.loaders.rig.formats import detect, detect_all, dropped
+from tracker_node.loaders.rig.opencap_pickle import FILE_NAME as OPENCAP_FILE
+from tracker_node.loaders.rig.opencap_pickle import load_opencap
 from tracker_node.loaders.rig.opencv_storage import dump_opencv, load_opencv
 from tracker_node.loaders.rig.qualisys_xml import dump_qualisys, load_qualisys
 from tracker_node.loaders.rig.rig_yaml import LightEntry, rig_file_of
@@ -264,3 +268,44 @@ def test_a_date_that_is_none_does_not_matter(tmp_path):
     assert detect(path) == "camera_info"
     with pytest.raises(FileFormatError):
         load_camera_info(path)
+
+
+def test_no_distortion_is_none_whatever_the_format(tmp_path):
+    """Zeros in TOML, camera_info and OpenCap were a lens with five coefficients, elsewhere one without distortion."""
+    lens = CameraModel(640, 480, np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]]))
+    rig, folder = CameraRig((Camera("left", lens, np.eye(4)),)), tmp_path / "Cam0"
+    dump_calibration_toml(rig, tmp_path / "a.toml")
+    dump_opencv(rig, tmp_path / "a.yaml")
+    dump_qualisys(rig, tmp_path / "a.xml")
+    dump_camera_info("left", lens, tmp_path / "info.yaml")
+    folder.mkdir()
+    values = {"imageSize": np.array([480.0, 640.0]), "intrinsicMat": lens.K, "distortion": np.zeros((1, 5))}
+    (folder / OPENCAP_FILE).write_bytes(pickle.dumps(values | {"rotation": np.eye(3), "translation": np.zeros((3, 1))}))
+    read = [
+        *(load_pose2sim(tmp_path / "a.toml"), load_opencv([tmp_path / "a.yaml"]), load_qualisys(tmp_path / "a.xml")),
+        load_opencap([folder / OPENCAP_FILE]),
+    ]
+    lenses = [camera.model for cameras in read for camera in cameras] + [load_camera_info(tmp_path / "info.yaml")[1]]
+    assert [(lens.distortion_model, lens.width, lens.height) for lens in lenses] == [("none", 640, 480)] * 5
+
+
+def test_a_place_far_away_is_one_whatever_the_format(tmp_path):
+    """In TOML it was none, since other readers had other largest numbers: coordinates of a survey are large."""
+    lens, far = CameraModel(64, 48, np.diag([60.0, 60.0, 1.0])), se3.from_rotation_translation(np.eye(3), np.full(3, 2e6))
+    rig = CameraRig((Camera("left", lens, far),))
+    for dump, load, name in (
+        (dump_calibration_toml, load_pose2sim, "a.toml"), (dump_opencv, lambda path: load_opencv([path]), "a.yaml"),
+        (dump_qualisys, load_qualisys, "a.xml"),
+    ):  # fmt: skip
+        dump(rig, tmp_path / name)
+        assert load(tmp_path / name)["left"].center == pytest.approx(2e6)
+
+
+@pytest.mark.parametrize("width", [".nan", ".inf", "640.5", "wide", "-640", "100001", "[640]"])
+def test_a_width_that_is_none_is_refused_by_opencv(tmp_path, width):
+    """What was no number counted as not there, and the size given by hand took its place."""
+    path = opencv_yaml(tmp_path, LENS.replace("640", width))
+    with pytest.raises(FileFormatError, match=r"image_width.*a width and a height of 1 to 100000 whole pixels"):
+        load_opencv([path], (640, 480))
+    path = opencv_yaml(tmp_path, LENS.replace("640", "0").replace("480", "0") + "errors: [.nan, 1]\n")  # nobody reads the errors
+    assert load_opencv([path], (640, 480)).cameras[0].model.width == 640

@@ -8,7 +8,7 @@ import pytest
 from helpers.cameras.person_clip import make_person_clip
 from helpers.docs.given import write_trc, write_video
 from tracker_node.cli.main import main
-from tracker_node.loaders.motion.trajectory_file import JointTrajectory
+from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.model.configuration import Configuration
 
 
@@ -24,5 +24,5 @@ def recorded(tmp_path_factory) -> Path:
     positions = np.array([Configuration(clip.model, state).landmarks_world for state in clip.states])
     stamps = np.round(np.arange(len(positions)) * 1e9 / 30.0).astype(np.int64)
     valid = np.ones(positions.shape[:2], dtype=bool)
-    write_trc(folder / "markers.trc", JointTrajectory(clip.model.landmark_names, stamps, positions, valid))
+    write_trc(folder / "markers.trc", Trajectories(clip.model.landmark_names, stamps, positions, valid))
     return folder

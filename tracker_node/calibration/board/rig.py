@@ -152,21 +152,19 @@ def given_lenses(rig: CameraRig, sources: Mapping[str, ImageSource]) -> dict[str
     return lenses
 
 
-def with_sources(rig: CameraRig, sources: Mapping[str, str | None], late_s: Mapping[str, float]) -> CameraRig:
-    """The rig with sources, and with time offsets of cameras whose clock is off.
+def with_clocks(rig: CameraRig, late_s: Mapping[str, float]) -> CameraRig:
+    """The rig with time offsets of cameras whose clock is off.
 
     Parameters
     ----------
     rig : of the cameras.
-    sources : camera -> source; None: it has none.
     late_s : camera -> by how many seconds its images are later than they say; of the others 0.
 
     Returns
     -------
     A copy.
     """
-    cameras = (replace(c, source=sources[c.name], time_offset_ns=round(1e9 * late_s.get(c.name, 0.0))) for c in rig)
-    return replace(rig, cameras=tuple(cameras))
+    return replace(rig, cameras=tuple(replace(c, time_offset_ns=round(1e9 * late_s.get(c.name, 0.0))) for c in rig))
 
 
 def _check_linked(names: Sequence[str], time_steps: Sequence[BoardTimeStep]) -> None:

@@ -22,6 +22,7 @@ from ...camera.rig import Camera
 from ...errors import CalibrationError
 from ...geometry import se3
 from ...loaders.rig.control_points import ControlPoints
+from .triangulation import across_ray, rays_meet
 
 # Free lens parameters of each constraint; the place always has its six.
 CONSTRAINTS = {
@@ -193,11 +194,18 @@ def reconstruct(parameters: np.ndarray, pixels: np.ndarray, weights: np.ndarray)
     Returns
     -------
     points : (n_points, 3) meters; zeros where invalid.
-    valid : (n_points,), False where fewer than two cameras see the point.
+    valid : (n_points,), False where fewer than two cameras see the point or all their rays are nearly parallel.
     """
-    L = np.asarray(parameters, dtype=np.float64)
-    points, valid = np.zeros((len(pixels), 3)), (np.asarray(weights) > 0.0).sum(axis=1) >= 2
+    L, weights = np.asarray(parameters, dtype=np.float64), np.asarray(weights, dtype=np.float64)
     rows = L[:, :8].reshape(-1, 2, 4)
+    points, normal = np.zeros((len(pixels), 3)), np.zeros((len(pixels), 3, 3))
+    for c in range(len(L)):
+        seen = weights[:, c] > 0.0
+        # A ray is where two planes meet, that of all points with its u and that of those with its v
+        planes = rows[c, :, :3] - pixels[seen, c, :, None] * L[c, 8:]
+        along = np.cross(planes[:, 0], planes[:, 1])
+        normal[seen] += across_ray(along / np.linalg.norm(along, axis=1, keepdims=True), weights[seen, c])
+    valid = rays_meet(normal)
     for i in np.flatnonzero(valid):
         weight = np.sqrt(weights[i])[:, None]
         # u (L9 x + L10 y + L11 z + 1) = L1 x + ...: linear, but its residual is too large by the denominator, divided out next

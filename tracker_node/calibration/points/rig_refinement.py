@@ -214,7 +214,7 @@ def refine_rig(
     refined = tuple(replace(camera, T_world_cam=se3.nearest_rigid(T)) for camera, T in zip(rig, transforms, strict=True))
     points = np.where(after.valid[:, None], se3.apply(T_old_new, after.points), 0.0)
     shift = np.linalg.norm(points[both] - before.points[both], axis=-1)
-    new_rig = CameraRig(refined, rig.world_frame, rig.lights)
+    new_rig = replace(rig, cameras=refined)
     grid, valid = points.reshape(n_images, n_joints, 3), after.valid.reshape(n_images, n_joints)
     lags = _lags(new_rig, grid, valid, after.residuals_px.reshape(n_images, n_joints, n_cameras, 2))
     return Refinement(

@@ -45,15 +45,36 @@ def triangulate(
         rays, ok = models[index].rays(pixels[:, index])
         weight = np.where(ok, weights[:, index], 0.0)
         directions = rays @ Ts_world_cam[index, :3, :3].T
-        projector = weight[:, None, None] * (np.eye(3) - directions[:, :, None] * directions[:, None, :])
+        projector = across_ray(directions, weight)
         normal += projector
         right += projector @ Ts_world_cam[index, :3, 3]
-    trace = np.trace(normal, axis1=1, axis2=2)
-    # The smallest eigenvalue vanishes for a single ray, and when all are parallel: 1e-4 of the trace is an angle of 1.6 degrees.
-    valid = np.linalg.eigvalsh(normal)[:, 0] > 1e-4 * trace
+    valid = rays_meet(normal)
     points = np.zeros((n_points, 3))
     points[valid] = np.linalg.solve(normal[valid], right[valid][..., None])[..., 0]
     return points, valid
+
+
+def across_ray(directions: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """What is left of a vector across a ray: weight (I - d d^T).
+
+    Parameters
+    ----------
+    directions : (n, 3), of length 1.
+    weights : (n,).
+
+    Returns
+    -------
+    (n, 3, 3).
+    """
+    return weights[:, None, None] * (np.eye(3) - directions[:, :, None] * directions[:, None, :])
+
+
+def rays_meet(normal: np.ndarray) -> np.ndarray:
+    """Whether rays tell a point: the smallest eigenvalue vanishes for a single one, and when all are parallel.
+
+    It has to be 1e-4 of the trace, for two rays an angle of 1.6 degrees. ``normal`` is (n, 3, 3), sums of `across_ray`.
+    """
+    return np.linalg.eigvalsh(normal)[:, 0] > 1e-4 * np.trace(normal, axis1=1, axis2=2)
 
 
 def reproject(models: Sequence[CameraModel], Ts_world_cam: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -252,7 +252,7 @@ def settled(
     for state, motion in zip(estimate.states, problem.motions, strict=True):
         moved = state.retract(common_s * motion.velocity)
         states.append(State(se3.nearest_rigid(T @ se3.scaled(moved.T_world_root, factor)), moved.joint_positions))
-    return CameraRig(tuple(result), rig.world_frame, rig.lights), tuple(states), scale
+    return replace(rig, cameras=tuple(result)), tuple(states), scale
 
 
 def _settled_sigmas(rig: CameraRig, covariance: np.ndarray, scaled: bool) -> np.ndarray:

@@ -81,7 +81,7 @@ class Problem:
     def rig_of(self, estimate: Estimate) -> CameraRig:
         """The rig with the cameras' departures."""
         cameras = tuple(moved_camera(c, departure) for c, departure in zip(self.rig, estimate.cameras, strict=True))
-        return CameraRig(cameras, self.rig.world_frame, self.rig.lights)
+        return replace(self.rig, cameras=cameras)
 
     def states_of(self, estimate: Estimate, k: int) -> list[State]:
         """States of the body when each camera exposes.

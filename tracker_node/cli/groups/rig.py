@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from ...errors import without_password
@@ -161,8 +160,8 @@ def _run_import(args: argparse.Namespace) -> int:
     moves_on = kind == RIG and len(files) == 1 and args.sources  # a rig that was mended gets the videos
     rig = load_rig(files[0]) if moves_on else import_rig(kind, files, size, args.unit, args.like, print)
     sources = sources_of_cameras(args.sources, rig.names, print)
-    with_sources = tuple(replace(camera, source=sources[camera.name]) for camera in rig if camera.name in sources)
-    rig = rig_of_videos(replace(rig, cameras=with_sources), parsed_choices("--pixel-map", args.pixel_map), print)
+    rig = rig.subset([name for name in rig.names if name in sources]).with_sources(sources)
+    rig = rig_of_videos(rig, parsed_choices("--pixel-map", args.pixel_map), print)
     rig_file = rig_file_of(rig)
     write_rig_file(rig_file, args.output, base_dir=".")
     _print_rig(build_rig(rig_file, "."))

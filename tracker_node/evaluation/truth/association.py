@@ -6,12 +6,11 @@ shows. It is one number for a whole run; nothing else is fitted to the truth her
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol, Self
 
 import numpy as np
 
+from ...loaders.motion.trajectory_file import Trajectories
 from ..metrics import mean_error, offset_free_errors
 
 LAG_RANGE_IMAGES = (-2.0, 2.0)
@@ -26,86 +25,6 @@ class OnAClock(Protocol):
     def stamps_ns(self) -> np.ndarray: ...
 
     def shifted(self, shift_ns: int) -> Self: ...
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectories:
-    """Points over time.
-
-    Parameters
-    ----------
-    names : m names.
-    stamps_ns : (n,) integer nanoseconds, increasing.
-    positions_m : (n, m, 3) meters, world frame.
-    valid : (n, m), False where a point was not seen.
-    """
-
-    names: tuple[str, ...]
-    stamps_ns: np.ndarray
-    positions_m: np.ndarray
-    valid: np.ndarray
-
-    def __post_init__(self):
-        n, m = len(self.stamps_ns), len(self.names)
-        if self.positions_m.shape != (n, m, 3) or self.valid.shape != (n, m):
-            raise ValueError(
-                f"expected positions ({n}, {m}, 3) and validity ({n}, {m}), got {self.positions_m.shape} and {self.valid.shape}"
-            )
-        if n > 1 and not np.all(np.diff(self.stamps_ns) > 0):
-            raise ValueError("expected increasing stamps")
-
-    def select(self, names: Sequence[str]) -> Trajectories:
-        """The named points only, in the given order."""
-        columns = [self.names.index(name) for name in names]
-        return Trajectories(tuple(names), self.stamps_ns, self.positions_m[:, columns], self.valid[:, columns])
-
-    def at(self, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Interpolate linearly. Nothing is extrapolated.
-
-        Parameters
-        ----------
-        stamps_ns : (k,) integer nanoseconds.
-        earlier_ns : is subtracted from them.
-
-        Returns
-        -------
-        positions : (k, m, 3) meters, zeros where not valid.
-        valid : (k, m), False outside the time covered, or next to a point that was not seen.
-        """
-        before, after, weight, inside = between(self.stamps_ns, stamps_ns, earlier_ns)
-        weight = weight[:, None, None]
-        positions = (1.0 - weight) * self.positions_m[before] + weight * self.positions_m[after]
-        valid = self.valid[before] & self.valid[after] & inside[:, None]
-        return np.where(valid[..., None], positions, 0.0), valid
-
-    def shifted(self, shift_ns: int) -> Trajectories:
-        """The same points, ``shift_ns`` later."""
-        return Trajectories(self.names, self.stamps_ns + shift_ns, self.positions_m, self.valid)
-
-
-def between(own_ns: np.ndarray, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> tuple[np.ndarray, ...]:
-    """Between which rows some stamps lie.
-
-    Parameters
-    ----------
-    own_ns : (n,) of the rows, increasing.
-    stamps_ns : (k,).
-    earlier_ns : is subtracted from ``stamps_ns``.
-
-    Returns
-    -------
-    before, after : (k,) rows; the same one where it is hit.
-    weight : (k,) of the row after.
-    inside : (k,) whether the rows cover the stamp.
-    """
-    query = (stamps_ns - own_ns[0]).astype(np.float64) - earlier_ns
-    own = (own_ns - own_ns[0]).astype(np.float64)
-    after = np.clip(np.searchsorted(own, query, side="left"), 0, len(own) - 1)
-    hit = own[after] == query
-    before = np.where(hit, after, np.maximum(after - 1, 0))
-    inside = hit | ((query > own[0]) & (query < own[-1]))
-    span = np.where(after == before, 1.0, own[after] - own[before])
-    return before, after, np.where(hit, 0.0, (query - own[before]) / span), inside
 
 
 def image_period_ns(stamps_ns: np.ndarray) -> float:

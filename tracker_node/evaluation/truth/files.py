@@ -12,17 +12,26 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError, TrackerError, repeated
+from ...geometry import so3
 from ...loaders.csv_file import CsvTable
 from ...loaders.images.stamps import stamps_from_first_ns
 from ...loaders.motion.c3d_file import load_c3d
-from ...loaders.motion.trajectory_file import LEADING_COLUMNS, read_joints, read_states
+from ...loaders.motion.trajectory_file import LEADING_COLUMNS, Trajectories, between, read_joints, read_states
 from ...loaders.motion.trc import load_trc
 from ...model.articulated import ArticulatedModel
-from ...model.configuration import ROOT_NAMES, Configuration, State, from_variables, to_variables, variable_names
+from ...model.configuration import (
+    ROOT_NAMES,
+    ROTATION_NAMES,
+    Configuration,
+    State,
+    angles_of,
+    from_variables,
+    to_variables,
+    variable_names,
+)
 from ...model.humans.measures import landmark_of_marker
 from ...model.kinematic_chain import N_ROOT_DOF
 from ..motion.coordinates import load_coordinates
-from .association import Trajectories, between
 
 COORDINATES = (".mot", ".sto")
 _NO_TRUTH = ("LOST", "INITIALIZING")
@@ -46,7 +55,7 @@ class TrueStates:
     valid: np.ndarray
 
     def at(self, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> TrueStates:
-        """Interpolate linearly; beyond the rows nothing is valid.
+        """Interpolate linearly, the root's orientation along the shortest rotation, as of runs; beyond the rows nothing is valid.
 
         Parameters
         ----------
@@ -60,6 +69,11 @@ class TrueStates:
         before, after, weight, inside = between(self.stamps_ns, stamps_ns, earlier_ns)
         values = (1.0 - weight[:, None]) * self.values[before] + weight[:, None] * self.values[after]
         valid = self.valid[before] & self.valid[after] & inside[:, None]
+        if set(ROTATION_NAMES) <= set(self.names):  # somersault and twist make leaps where the tilt comes near 90 degrees
+            columns = [self.names.index(name) for name in ROTATION_NAMES]
+            for i in np.flatnonzero(valid[:, columns].all(axis=1) & (before < after)):
+                one, other = (so3.from_somersault_tilt_twist(*self.values[row[i], columns]) for row in (before, after))
+                values[i, columns] = angles_of(so3.exp(weight[i] * so3.log(other @ one.T)) @ one, values[i, columns])
         return TrueStates(self.names, stamps_ns, np.where(valid, values, 0.0), valid)
 
     def shifted(self, shift_ns: int) -> TrueStates:
@@ -241,9 +255,7 @@ def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
         names, positions, valid = markers.names, markers.positions_m, markers.valid
     elif kind == ".csv":
         joints = read_joints(path)
-        order = np.argsort(joints.stamps_ns)
-        names, stamps = joints.names, joints.stamps_ns[order]
-        positions, valid = joints.positions_m[order], joints.valid[order]
+        names, stamps, positions, valid = joints.names, joints.stamps_ns, joints.positions_m, joints.valid
     else:
         raise FileFormatError(path, "(name)", "a .trc, .c3d or .csv file", path.suffix or path.name)
     if not len(stamps):

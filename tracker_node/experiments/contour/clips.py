@@ -12,11 +12,11 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...errors import SourceError, TrackerError
 from ...evaluation.evaluate import Evaluation, EvaluationOptions, evaluate
-from ...evaluation.truth.association import Trajectories
 from ...evaluation.truth.files import load_truth
 from ...loaders.images.source import SourceOptions, load_backgrounds, resized_backgrounds
 from ...loaders.model.model_yaml import load_model
 from ...loaders.model.state_yaml import load_state
+from ...loaders.motion.trajectory_file import Trajectories
 from ...loaders.recording_yaml import load_recording
 from ...loaders.rig.rig_yaml import load_rig
 from ...model.articulated import ArticulatedModel

@@ -20,7 +20,7 @@ from ..bag.images import COMPRESSED, RAW, image_topics, source_content
 from ..bag.message_types import NS_PER_S
 from ..bag.reader import BagReader
 from ..decoding import IMAGE_SUFFIXES, JPEG, content_size, is_whole, jpeg_size
-from ..source_address import SourceAddress
+from ..source_address import SourceAddress, natural
 from .recorded_source import ImageSource, SourceOptions
 from .stamps import varying_times
 
@@ -129,7 +129,7 @@ class FolderSource(ImageSource):
             self._files, self.first_number = _with_missing(found)
         self._absent = set(self._files).difference(found)
         if self._absent:
-            first = Path(min(self._absent, key=_natural_key)).name
+            first = Path(min(self._absent, key=natural)).name
             self.note = f"{len(self._absent)} of {len(self._files)} numbered images are missing, first {first}"
         jpegs = [file for file in found[:_TRIED] if file.lower().endswith(_JPEG_SUFFIXES)]
         self._have_ends = not jpegs or not all(map(_damage, jpegs))  # some cameras never write that of a JPEG
@@ -219,11 +219,7 @@ def list_images(path: str) -> list[str]:
         found = [file for file in glob.glob(pattern) if Path(file).suffix.lower() in IMAGE_SUFFIXES]
     if not found:
         raise SourceError(path, f"no image files there (of {' '.join(IMAGE_SUFFIXES)})")
-    return sorted(found, key=_natural_key)
-
-
-def _natural_key(path: str) -> list[tuple[int, int, str]]:
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path) if part]
+    return sorted(found, key=natural)
 
 
 def _with_missing(files: list[str]) -> tuple[list[str], int | None]:

@@ -23,6 +23,7 @@ import numpy as np
 from ...camera.rig import Camera
 from ...errors import FileFormatError, SourceError
 from ..csv_file import CsvCells, CsvTable
+from ..source_address import last_number
 
 FILE_STAMPS = ("rate", "container")
 """Where a file's stamps may come from, besides a stamp file: its image rate, or the times of its images in the container."""
@@ -191,16 +192,12 @@ def _time_column(path: str | Path, names: Sequence[str]) -> int:
 
 def _of_camera(path: str | Path, rows: list[CsvCells], column: int, camera: str) -> list[CsvCells]:
     found = sorted({row.text[column].strip() for row in rows})
-    number = re.search(r"\d+$", camera)
+    number = re.search(r"[0-9]$", camera)
     named = [name for name in found if name == camera]
-    numbered = [name for name in found if number and re.search(r"\d+$", name) and _last_number(name) == _last_number(camera)]
+    numbered = [name for name in found if number and re.search(r"[0-9]$", name) and last_number(name) == last_number(camera)]
     if not named and len(numbered) != 1:
         raise FileFormatError(path, rows[0].header[column] if rows else "(file)", f"camera '{camera}', or its number", found)
     return [row for row in rows if row.text[column].strip() == (named or numbered)[0]]
-
-
-def _last_number(name: str) -> int:
-    return int(re.findall(r"\d+", name)[-1])
 
 
 def _check_numbers(rows: Sequence[CsvCells], column: int) -> None:

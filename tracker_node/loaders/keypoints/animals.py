@@ -15,8 +15,9 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ..csv_file import CsvTable
+from ..source_address import last_number
 from .camera_people import FoundPerson, PeopleOfImages, found_points
-from .files import check_names, image_number, number_or_nan
+from .files import check_names, number_or_nan
 from .hdf5 import Hdf5File, open_hdf5
 
 _LEVELS = ("scorer", "individuals", "bodyparts", "coords")
@@ -42,7 +43,7 @@ def of_deeplabcut_csv(file: Path) -> PeopleOfImages:
     images.names = places.names
     for row in (*(() if first is None else (first,)), *rows):
         where = f"line {row.line}"
-        number = image_number(row.text[at - 1])
+        number = last_number(row.text[at - 1])
         if number is None:
             raise FileFormatError(file, where, "the number of an image", row.text[at - 1])
         places.add(images, number, np.array([number_or_nan(row, i) for i in range(at, len(row.text))]), where)
@@ -75,7 +76,7 @@ def of_deeplabcut_hdf5(path: Path) -> PeopleOfImages:
     images.names = places.names
     for index, row in zip(table["index"], rows, strict=True):
         name = index.decode("utf-8", "replace") if isinstance(index, bytes) else str(index)
-        number = image_number(name)
+        number = last_number(name)
         if number is None:
             raise FileFormatError(path, f"{group}/table.index", "the numbers of images", name)
         places.add(images, number, row, f"image {number}")

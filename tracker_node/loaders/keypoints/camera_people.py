@@ -5,7 +5,6 @@ Which files of points belong to which camera of a rig, by their names.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -13,7 +12,8 @@ import numpy as np
 
 from ...errors import FileFormatError, UnknownNameError
 from ...observation.keypoints.people import People, Person
-from .files import image_number, names_of
+from ..source_address import files_of_cameras
+from .files import names_of
 
 MOST_PEOPLE = 1000
 """In one image."""
@@ -267,11 +267,7 @@ class PeopleOfImages:
 
 
 def match_files(keys: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
-    """Files or folders of points by camera.
-
-    The first rule that fits one file alone counts: the camera's name (``cam01``, ``cam01_json``); its name as a word, or at the
-    end (``trial2_cam01``, ``walk-camA`` for ``A``); its last number (``cam1`` for ``cam_01``). A single file belongs to a single
-    camera whatever its name.
+    """Files or folders of points by camera, see `files_of_cameras`.
 
     Parameters
     ----------
@@ -286,20 +282,7 @@ def match_files(keys: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
     UnknownNameError : no camera has one, with the files that there are; or two cameras have the same.
     """
     keys = list(keys)
-    if len(keys) == len(cameras) == 1:
-        return {cameras[0]: keys[0]}
-    found = {}
-    for camera in cameras:
-        word = re.compile(rf"(?<![^\W_]){re.escape(camera)}(?![^\W_])", re.IGNORECASE)
-        rules = (
-            [key for key in keys if key in (camera, f"{camera}_json")],
-            [key for key in keys if word.search(key)],
-            [key for key in keys if key.endswith(camera)],
-            [key for key in keys if image_number(camera) is not None and image_number(key) == image_number(camera)],
-        )
-        alone = next((fitting[0] for fitting in rules if len(fitting) == 1), None)
-        if alone is not None:
-            found[camera] = alone
-    if not found or len(set(found.values())) < len(found):
+    found = files_of_cameras(keys, cameras)
+    if not found:
         raise UnknownNameError("files of points for the cameras", ", ".join(cameras), keys)
     return found

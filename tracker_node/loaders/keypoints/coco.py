@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from ...errors import FileFormatError
+from ..source_address import last_number
 from .camera_people import FoundPerson, PeopleOfImages, found_points
 from .files import (
     by_folder,
     camera_keys,
     check_names,
     files_of,
-    image_number,
     is_number,
     numbered_files,
     probability,
@@ -66,7 +66,7 @@ def _video(file: Path) -> PeopleOfImages:
         if not isinstance(entry, dict) or not isinstance(entry.get("instances"), list):
             raise FileFormatError(file, f"{where}.instances", "a list of people", entry)
         number = entry.get("frame_id", i)
-        number = image_number(number) if isinstance(number, str) else number
+        number = last_number(number) if isinstance(number, str) else number
         if not isinstance(number, int) or isinstance(number, bool):
             raise FileFormatError(file, f"{where}.frame_id", "the number of an image", entry.get("frame_id"))
         first = number if first is None else first
@@ -151,7 +151,7 @@ def of_coco(file: Path) -> PeopleOfImages:
         raise FileFormatError(file, "(content)", "a list of results with image_id, keypoints, score", content)
     for i, entry in enumerate(content):
         number = entry.get("image_id") if isinstance(entry, dict) else None
-        image = image_number(number) if isinstance(number, str) else number
+        image = last_number(number) if isinstance(number, str) else number
         if not isinstance(image, int) or isinstance(image, bool):
             raise FileFormatError(file, f"[{i}].image_id", "the number of an image", entry if number is None else number)
         parts = [_coco_points(entry[field], file, f"[{i}].{field}") for field in _FIELDS if field in entry]

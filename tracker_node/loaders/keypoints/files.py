@@ -17,6 +17,7 @@ from ...errors import FileFormatError
 from ...observation.keypoints.blazepose import NAMES as BLAZEPOSE_33
 from ..csv_file import CsvCells
 from ..json_values import parse_json
+from ..source_address import last_number, numbers_in
 from ..whole_file import MB, read_text
 
 _COCO_PAIRS = ("eye", "ear", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
@@ -115,7 +116,6 @@ def check_names(names: Sequence[str], file: str, where: str) -> tuple[str, ...]:
 POINTS_BYTES = 256 * MB
 """JSON with the points of a whole recording."""
 AnyPath = TypeVar("AnyPath", bound=PurePath)
-_NUMBER = re.compile(r"\d{1,18}")
 _ENDS = re.compile(r"(DLC_.*|\.analysis|\.predictions|_keypoints|_json)$")  # of names, added by programs
 
 
@@ -191,19 +191,13 @@ def by_folder(files: Iterable[AnyPath], name: str) -> dict[str, list[AnyPath]]:
     return dict(sorted(zip(keys, folders.values(), strict=True)))
 
 
-def image_number(text: str) -> int | None:
-    """The last number in a name, such as 12 of ``cam1_000012.json``; None where there is none."""
-    numbers = _NUMBER.findall(text)
-    return int(numbers[-1]) if numbers else None
-
-
 def numbered_files(files: Sequence[AnyPath]) -> Iterator[tuple[int, AnyPath]]:
     """Files of one camera, one an image, with the numbers of their images: from the first file's on, or, where their last numbers
     are not their own, in the order of all numbers in their names."""
-    numbers = [image_number(file.stem) for file in files]
+    numbers = [last_number(file.stem) for file in files]
     known = [number for number in numbers if number is not None]
     if len(set(known)) != len(files):
-        yield from enumerate(sorted(files, key=lambda file: ([int(n) for n in _NUMBER.findall(file.stem)], file.name)))
+        yield from enumerate(sorted(files, key=lambda file: (numbers_in(file.stem), file.name)))
         return
     yield from sorted((number - min(known), file) for number, file in zip(known, files, strict=True))
 

@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import FileFormatError
 from ...geometry import se3, so3
 from ..file_model import LARGEST
+from ..json_values import parse_xml
 from ..whole_file import read_bytes
 
 _XACRO = "a plain URDF (make one with `xacro FILE > robot.urdf`)"
@@ -138,17 +139,10 @@ def read_robot(path: str | Path) -> Node:
     path = Path(path)
     if path.suffix.lower() == ".xacro":
         raise FileFormatError(path, "(file)", _XACRO, "a xacro file")
-    try:
-        content = read_bytes(path)
-        if not content.startswith((b"\xff\xfe", b"\xfe\xff")):  # UTF-16
-            content = content.rstrip(b"\0")  # some programs end their files like C text
-        root = ElementTree.fromstring(content)
-    except ElementTree.ParseError as error:
-        line, column = error.position
-        reason = str(error).partition(":")[0]
-        raise FileFormatError(path, f"line {line}, column {column + 1}", "XML", reason) from None
-    except (ValueError, LookupError) as error:  # an encoding that Python does not know
-        raise FileFormatError(path, "(file)", "XML", str(error)) from None
+    content = read_bytes(path)
+    if not content.startswith((b"\xff\xfe", b"\xfe\xff")):  # UTF-16
+        content = content.rstrip(b"\0")  # some programs end their files like C text
+    root = parse_xml(content, path)
     if root.tag != "robot":
         raise FileFormatError(path, "(top level)", "<robot>", f"<{root.tag}>")
     for element in root.iter():

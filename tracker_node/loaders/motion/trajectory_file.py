@@ -72,17 +72,83 @@ class StateTrajectory:
 
 
 @dataclass(frozen=True, eq=False)
-class JointTrajectory:
-    """What ``joints.csv`` holds.
+class Trajectories:
+    """Points over time, such as ``joints.csv`` holds.
 
-    ``positions_m`` (n, n_landmarks, 3) in the world; ``valid`` (n, n_landmarks) is False where the file has no row, and the
-    position is zero there.
+    Parameters
+    ----------
+    names : m names.
+    stamps_ns : (n,) integer nanoseconds, increasing.
+    positions_m : (n, m, 3) meters, world frame.
+    valid : (n, m), False where a point was not seen.
     """
 
     names: tuple[str, ...]
     stamps_ns: np.ndarray
     positions_m: np.ndarray
     valid: np.ndarray
+
+    def __post_init__(self):
+        n, m = len(self.stamps_ns), len(self.names)
+        if self.positions_m.shape != (n, m, 3) or self.valid.shape != (n, m):
+            raise ValueError(
+                f"expected positions ({n}, {m}, 3) and validity ({n}, {m}), got {self.positions_m.shape} and {self.valid.shape}"
+            )
+        if n > 1 and not np.all(np.diff(self.stamps_ns) > 0):
+            raise ValueError("expected increasing stamps")
+
+    def select(self, names: Sequence[str]) -> Trajectories:
+        """The named points only, in the given order."""
+        columns = [self.names.index(name) for name in names]
+        return Trajectories(tuple(names), self.stamps_ns, self.positions_m[:, columns], self.valid[:, columns])
+
+    def at(self, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Interpolate linearly. Nothing is extrapolated.
+
+        Parameters
+        ----------
+        stamps_ns : (k,) integer nanoseconds.
+        earlier_ns : is subtracted from them.
+
+        Returns
+        -------
+        positions : (k, m, 3) meters, zeros where not valid.
+        valid : (k, m), False outside the time covered, or next to a point that was not seen.
+        """
+        before, after, weight, inside = between(self.stamps_ns, stamps_ns, earlier_ns)
+        weight = weight[:, None, None]
+        positions = (1.0 - weight) * self.positions_m[before] + weight * self.positions_m[after]
+        valid = self.valid[before] & self.valid[after] & inside[:, None]
+        return np.where(valid[..., None], positions, 0.0), valid
+
+    def shifted(self, shift_ns: int) -> Trajectories:
+        """The same points, ``shift_ns`` later."""
+        return Trajectories(self.names, self.stamps_ns + shift_ns, self.positions_m, self.valid)
+
+
+def between(own_ns: np.ndarray, stamps_ns: np.ndarray, earlier_ns: float = 0.0) -> tuple[np.ndarray, ...]:
+    """Between which rows some stamps lie.
+
+    Parameters
+    ----------
+    own_ns : (n,) of the rows, increasing.
+    stamps_ns : (k,).
+    earlier_ns : is subtracted from ``stamps_ns``.
+
+    Returns
+    -------
+    before, after : (k,) rows; the same one where it is hit.
+    weight : (k,) of the row after.
+    inside : (k,) whether the rows cover the stamp.
+    """
+    query = (stamps_ns - own_ns[0]).astype(np.float64) - earlier_ns
+    own = (own_ns - own_ns[0]).astype(np.float64)
+    after = np.clip(np.searchsorted(own, query, side="left"), 0, len(own) - 1)
+    hit = own[after] == query
+    before = np.where(hit, after, np.maximum(after - 1, 0))
+    inside = hit | ((query > own[0]) & (query < own[-1]))
+    span = np.where(after == before, 1.0, own[after] - own[before])
+    return before, after, np.where(hit, 0.0, (query - own[before]) / span), inside
 
 
 class StatesWriter(CsvWriter):
@@ -201,7 +267,7 @@ def read_states(path: str | Path) -> StateTrajectory:
     return StateTrajectory(names, tuple(rows), units)
 
 
-def write_joints(path: str | Path, trajectory: JointTrajectory) -> None:
+def write_joints(path: str | Path, trajectory: Trajectories) -> None:
     """Write the whole of ``joints.csv`` at once; positions that are not valid get no row.
 
     Parameters
@@ -214,8 +280,8 @@ def write_joints(path: str | Path, trajectory: JointTrajectory) -> None:
             writer.write_rows([[int(stamp_ns), name, *map(exact, point)] for name, point, good in pairs if good])
 
 
-def read_joints(path: str | Path) -> JointTrajectory:
-    """Inverse of `write_joints`; landmarks in the order of their first row.
+def read_joints(path: str | Path) -> Trajectories:
+    """Inverse of `write_joints`; time steps in order, landmarks in that of their first row; zeros where there is none.
 
     Raises
     ------
@@ -234,11 +300,12 @@ def read_joints(path: str | Path) -> JointTrajectory:
         points[name] = cells.numbers(2, 5)
     positions_m = np.zeros((len(steps), len(names), 3))
     valid = np.zeros((len(steps), len(names)), dtype=np.bool_)
-    for row, points in enumerate(steps.values()):
-        for name, point in points.items():
+    stamps = sorted(steps)
+    for row, stamp_ns in enumerate(stamps):
+        for name, point in steps[stamp_ns].items():
             positions_m[row, names[name]] = point
             valid[row, names[name]] = True
-    return JointTrajectory(tuple(names), np.array(list(steps), dtype=np.int64), positions_m, valid)
+    return Trajectories(tuple(names), np.array(stamps, dtype=np.int64), positions_m, valid)
 
 
 _SECOND_NS = 1_000_000_000

@@ -17,8 +17,9 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...errors import FileFormatError, UnknownNameError
 from ...geometry import se3, so3
+from ..source_address import identifier
 from ..whole_file import read_text, write_whole
-from .lens import array_of, identifier, lens_of, pose_of, rig_of
+from .lens import array_of, lens_of, pose_of, rig_of, size_of
 
 
 def load_pose2sim(path: str | Path) -> CameraRig:
@@ -49,13 +50,11 @@ def _flat(tables: Mapping) -> dict[str, dict]:
 
 def _camera(path: Path, key: str, table: dict) -> Camera:
     name = identifier(str(table.get("name", key)))
-    size = array_of(path, f"{key}.size", table.get("size", table.get("image_size")), (2,))
-    if not np.all((size >= 1) & (size <= 100_000) & (size == np.round(size))):
-        raise FileFormatError(path, f"{key}.size", "width and height in whole pixels", table.get("size"))
+    size = size_of(path, f"{key}.size", *array_of(path, f"{key}.size", table.get("size", table.get("image_size")), (2,)).tolist())
     K = array_of(path, f"{key}.matrix", table["matrix"], (3, 3))
     coefficients = array_of(path, f"{key}.distortions", table.get("distortions", []))
     fields, fisheye = (f"{key}.matrix", f"{key}.distortions"), bool(table.get("fisheye", False))
-    lens = lens_of(path, fields, name, (int(size[0]), int(size[1])), K, coefficients, fisheye)
+    lens = lens_of(path, fields, name, size, K, coefficients, fisheye)
     rotation, translation = (array_of(path, f"{key}.{part}", table.get(part)) for part in ("rotation", "translation"))
     return Camera(name, lens, se3.inverse(pose_of(path, f"{key}.rotation", rotation, translation)))
 

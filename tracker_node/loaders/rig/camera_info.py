@@ -19,7 +19,7 @@ from ...camera.distortion import COEFFICIENT_COUNTS
 from ...camera.model import CameraModel
 from ...errors import FileFormatError
 from ..yaml_file import read_mapping, write_mapping
-from .lens import array_of, lens_of
+from .lens import array_of, is_side, lens_of, size_of
 
 _NAMES = {"fisheye": "equidistant"}  # what OpenCV's tools call it
 
@@ -36,7 +36,8 @@ def load_camera_info(path: str | Path) -> tuple[str, CameraModel]:
     """
     values = read_mapping(path)
     name = str(values.get("camera_name") or Path(path).stem)
-    width, height = (_size(path, values, key) for key in ("image_width", "image_height"))
+    width, height = values.get("image_width"), values.get("image_height")
+    size = size_of(path, "image_height" if is_side(width) else "image_width", width, height)
     K = _matrix(path, values, "camera_matrix")
     kind = str(values.get("distortion_model", "plumb_bob") or "none")
     kind = _NAMES.get(kind, kind)
@@ -47,7 +48,7 @@ def load_camera_info(path: str | Path) -> tuple[str, CameraModel]:
         expected = f"{' or '.join(map(str, COEFFICIENT_COUNTS[kind]))} coefficients of {kind}"
         raise FileFormatError(path, "distortion_coefficients.data", expected, coefficients.tolist())
     fields = ("camera_matrix.data", "distortion_coefficients.data")
-    return name, lens_of(path, fields, name, (width, height), K, coefficients, kind == "equidistant")
+    return name, lens_of(path, fields, name, size, K, coefficients, kind == "equidistant")
 
 
 def dump_camera_info(name: str, model: CameraModel, path: str | Path) -> None:
@@ -74,13 +75,6 @@ def dump_camera_info(name: str, model: CameraModel, path: str | Path) -> None:
 
 def _table(matrix: np.ndarray) -> dict[str, Any]:
     return {"rows": matrix.shape[0], "cols": matrix.shape[1], "data": [float(v) for v in matrix.ravel()]}
-
-
-def _size(path: str | Path, values: dict[str, Any], key: str) -> int:
-    value = values.get(key)
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100_000:
-        raise FileFormatError(path, key, "a whole number of pixels", value)
-    return value
 
 
 def _matrix(path: str | Path, values: dict[str, Any], key: str) -> np.ndarray:

@@ -5,9 +5,9 @@ Every function takes the file and the field for its messages.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,19 +15,14 @@ from ...camera.model import CameraModel, plausible
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
 from ...geometry import se3, so3
+from ..file_model import LARGEST, is_number
 
-_LARGEST = 1e6  # nothing in a calibration is beyond, and squares stay finite
+MOST_PX = 100_000  # of a side of an image
 _KINDS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
 
 
-def identifier(name: str) -> str:
-    """A name that can be part of a topic: ``0`` becomes ``cam_0``."""
-    name = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return name if name.isidentifier() else f"cam_{name}"
-
-
 def array_of(path: str | Path, field: str, value: object, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """Numbers of a file as an array; infinities, not-a-number and numbers above a million are refused.
+    """Numbers of a file as an array; infinities, not-a-number and numbers above `LARGEST` are refused.
 
     Parameters
     ----------
@@ -42,14 +37,40 @@ def array_of(path: str | Path, field: str, value: object, shape: tuple[int, ...]
     ------
     FileFormatError : other values.
     """
-    expected = "numbers, none above a million" if shape is None else f"{' x '.join(map(str, shape))} numbers"
+    expected = f"numbers, none above {LARGEST:g}" if shape is None else f"{' x '.join(map(str, shape))} numbers"
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise FileFormatError(path, field, expected, value) from error
-    if (shape is not None and array.shape != shape) or not np.all(np.abs(array) <= _LARGEST):
+    if (shape is not None and array.shape != shape) or not np.all(np.abs(array) <= LARGEST):
         raise FileFormatError(path, field, expected, value)
     return array
+
+
+def is_side(pixels: Any) -> bool:
+    """Whether an image can have so many pixels on a side: a whole number up to `MOST_PX`."""
+    return is_number(pixels) and 1 <= pixels <= MOST_PX and int(pixels) == pixels
+
+
+def size_of(path: str | Path, field: str, width: Any, height: Any) -> tuple[int, int]:
+    """Size of a camera's images.
+
+    Parameters
+    ----------
+    path, field : for messages.
+    width, height : what stands there.
+
+    Returns
+    -------
+    (width, height), pixels.
+
+    Raises
+    ------
+    FileFormatError : no whole numbers of pixels from 1 to `MOST_PX`.
+    """
+    if not (is_side(width) and is_side(height)):
+        raise FileFormatError(path, field, f"a width and a height of 1 to {MOST_PX} whole pixels", (width, height))
+    return int(width), int(height)
 
 
 def lens_of(
@@ -85,6 +106,11 @@ def lens_of(
         raise CalibrationError(camera, f"uncalibrated (K[0] = 0) in {path}")
     if K[1, 0] or K[2, 0] or K[2, 1] or K[2, 2] != 1.0:
         raise FileFormatError(path, fields[0], "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]", K.tolist())
+    if not fisheye:
+        if coefficients.size > 8 and not coefficients[8:].any():
+            coefficients = coefficients[:8]  # thin prism and tilt that are not used
+        if coefficients.size in _KINDS and not coefficients.any():  # as of the message camera_info
+            coefficients = np.zeros(0)
     if (coefficients.size != 4) if fisheye else (coefficients.size not in _KINDS):
         expected = "4 coefficients of a fisheye lens" if fisheye else "0, 4, 5 or 8 coefficients"
         raise FileFormatError(path, fields[1], expected, coefficients.tolist())

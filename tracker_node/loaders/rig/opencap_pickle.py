@@ -19,8 +19,9 @@ import numpy as np
 from ...camera.rig import Camera, CameraRig
 from ...errors import FileFormatError
 from ...geometry import se3
+from ..source_address import identifier
 from ..whole_file import read_bytes
-from .lens import array_of, identifier, lens_of, pose_of, rig_of
+from .lens import array_of, lens_of, pose_of, rig_of, size_of
 
 MM = 1000.0
 FILE_NAME = "cameraIntrinsicsExtrinsics.pickle"
@@ -42,12 +43,13 @@ def load_opencap(paths: Sequence[str | Path]) -> CameraRig:
 
 def _camera(path: Path) -> Camera:
     values, name = _values(path), identifier(path.absolute().parent.name)
-    size = array_of(path, "imageSize", values["imageSize"]).ravel()
-    if size.size != 2 or not np.all((size >= 1) & (size <= 100_000) & (size == np.round(size))):
-        raise FileFormatError(path, "imageSize", "height and width in whole pixels", size.tolist())
+    sides = array_of(path, "imageSize", values["imageSize"]).ravel().tolist()
+    if len(sides) != 2:
+        raise FileFormatError(path, "imageSize", "height and width", sides)
+    size = size_of(path, "imageSize", sides[1], sides[0])
     K = array_of(path, "intrinsicMat", values["intrinsicMat"], (3, 3))
     distortion = array_of(path, "distortion", values["distortion"]).ravel()
-    lens = lens_of(path, ("intrinsicMat", "distortion"), name, (int(size[1]), int(size[0])), K, distortion)
+    lens = lens_of(path, ("intrinsicMat", "distortion"), name, size, K, distortion)
     rotation, translation = (array_of(path, part, values[part]) for part in ("rotation", "translation"))
     return Camera(name, lens, se3.inverse(pose_of(path, "rotation", rotation, translation / MM)))
 

@@ -28,13 +28,14 @@ from ...camera.model import CameraModel
 from ...camera.rig import Camera, CameraRig
 from ...errors import FileFormatError
 from ...geometry import se3
-from ..json_values import parse_json
+from ..file_model import LARGEST, is_number
+from ..json_values import parse_json, parse_xml
+from ..source_address import identifier
 from ..whole_file import read_text, write_whole
 from ..yaml_file import OpenCvMatrix, parse_mapping
-from .lens import identifier, lens_of, pose_of, rig_of
+from .lens import lens_of, pose_of, rig_of, size_of
 
 Node: TypeAlias = Any  # None, int, float, str, list, dict or np.ndarray
-LARGEST = 1e9  # no number of a calibration is beyond
 _MOST_LEVELS = 20
 _WHAT = "an OpenCV FileStorage (YAML, XML or JSON)"
 _HEAD = re.compile(r"\s*%YAML[: ]\s*\d\.\d[^\n]*\n")
@@ -82,22 +83,22 @@ def _listed_matrix(node: dict, path: str | Path, field: str) -> np.ndarray:
     data: Node = node.get("data") or []
     kind = _KIND.fullmatch(str(node.get("dt", "")))
     channels = int(kind[1] or 1) if kind else 0
-    data = [data] if is_number(data) else data  # of XML, where one word is no list
-    consistent = _is_count(rows) and _is_count(columns) and channels and isinstance(data, list) and all(map(is_number, data))
+    data = data if isinstance(data, list) else [data]  # of XML, where one word is no list
+    consistent = _is_count(rows) and _is_count(columns) and channels and _are_numerals(data)
     if not consistent or rows * columns * channels != len(data):
         raise FileFormatError(path, field, "a matrix with rows, cols, dt, and as many numbers as data", "something else")
     shape = (rows, columns) if channels == 1 else (rows, columns, channels)
-    return numbers_of(data).reshape(shape)
+    return _numbers_of(data).reshape(shape)
 
 
-def is_number(node: Node) -> bool:
-    """Whether a node is one number."""
-    return isinstance(node, (int, float)) and not isinstance(node, bool)
+def _are_numerals(nodes: list) -> bool:
+    """Whether all are numbers, also not-a-number or infinite ones: a matrix that is not used may have them."""
+    return all(isinstance(node, (int, float)) and not isinstance(node, bool) for node in nodes)
 
 
-def numbers_of(values: list) -> np.ndarray:
+def _numbers_of(values: list) -> np.ndarray:
     """Numbers as an array; those beyond `LARGEST` are infinite, which readers refuse."""
-    return np.array([float(value) if abs(value) <= LARGEST else np.inf for value in values])
+    return np.array([float(value) if is_number(value) else np.inf for value in values])
 
 
 def _is_count(value: Node) -> bool:
@@ -105,15 +106,7 @@ def _is_count(value: Node) -> bool:
 
 
 def _root(text: str, path: str | Path) -> ElementTree.Element:
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # no program writes them, and entities can grow without bound
-        raise FileFormatError(path, "(file)", "XML without a document type", "one")
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        line, column = error.position
-        raise FileFormatError(path, f"line {line}, column {column + 1}", "XML", str(error).partition(":")[0]) from None
-    except (ValueError, LookupError) as error:  # an encoding that Python does not know
-        raise FileFormatError(path, "(file)", "XML", str(error)) from None
+    root = parse_xml(text, path)
     if root.tag != "opencv_storage":
         raise FileFormatError(path, "(top level)", "<opencv_storage>", f"<{root.tag}>")
     return root
@@ -243,11 +236,8 @@ def _lens(storage: _Storage, node: Nodes, names: tuple[str, str], image_size: tu
     """The lens of the matrix and the coefficients of these names."""
     field, coefficients_field = names
     K, coefficients = _matrix(storage, node, field), _matrix(storage, node, coefficients_field).ravel()
-    fisheye = _integer(node("fisheye_model")) == 1 or node("camera_model") == "fisheye"
-    if coefficients.size > 8 and not coefficients[8:].any():
-        coefficients = coefficients[:8]  # thin prism and tilt that are not used
-    if not fisheye and coefficients.size in (4, 5, 8) and not coefficients.any():
-        coefficients = np.zeros(0)
+    flag = node("fisheye_model")
+    fisheye = (is_number(flag) and flag == 1) or node("camera_model") == "fisheye"
     return lens_of(storage.path, names, field, _image_size(storage, node, image_size), K, coefficients, fisheye)
 
 
@@ -260,8 +250,8 @@ def _matrix(storage: _Storage, node: Nodes, name: str) -> np.ndarray:
     found = node(name)
     if found is None:
         raise FileFormatError(storage.path, name, "a matrix of that name", "none")
-    if isinstance(found, list) and all(map(is_number, found)):
-        found = numbers_of(found)
+    if isinstance(found, list) and _are_numerals(found):
+        found = _numbers_of(found)
     if not isinstance(found, np.ndarray):
         raise FileFormatError(storage.path, name, "a matrix, or a sequence of its numbers", "something else")
     if not np.all(np.abs(found) <= LARGEST):  # nor not-a-number
@@ -270,15 +260,9 @@ def _matrix(storage: _Storage, node: Nodes, name: str) -> np.ndarray:
 
 
 def _image_size(storage: _Storage, node: Nodes, given: tuple[int, int] | None) -> tuple[int, int]:
-    width, height = _integer(node("image_width")), _integer(node("image_height"))
-    if not (width and height):
-        if given is None:
-            raise FileFormatError(storage.path, "image_width", "the size of the images, here or with --size", "none")
-        return given
-    if not (1 <= width <= 100_000 and 1 <= height <= 100_000):
-        raise FileFormatError(storage.path, "image_width", "a width and a height of 1 to 100000 pixels", (width, height))
-    return width, height
-
-
-def _integer(node: Node) -> int:
-    return int(node) if is_number(node) and abs(node) <= LARGEST else 0
+    sides = node("image_width"), node("image_height")
+    if any(side is not None and not (is_number(side) and side == 0) for side in sides):
+        return size_of(storage.path, "image_width", *sides)
+    if given is None:
+        raise FileFormatError(storage.path, "image_width", "the size of the images, here or with --size", "none")
+    return given

@@ -13,8 +13,11 @@ import numpy as np
 
 from ...camera.rig import Camera, CameraRig
 from ...errors import CalibrationError, FileFormatError
+from ..file_model import is_number
+from ..json_values import parse_xml
+from ..source_address import identifier
 from ..whole_file import read_bytes, whole_file
-from .lens import identifier, lens_of, pose_of, rig_of
+from .lens import lens_of, pose_of, rig_of, size_of
 
 SUBPIXELS = 64.0
 MM = 1000.0
@@ -30,10 +33,7 @@ def load_qualisys(path: str | Path) -> CameraRig:
     ------
     FileFormatError : no such file, no XML, or an element or number that is missing or wrong.
     """
-    try:  # an encoding that Python does not know is a LookupError, one of several bytes a ValueError
-        root = ET.fromstring(read_bytes(path))
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise FileFormatError(path, "(file)", "a Qualisys calibration (XML)", str(error)) from None
+    root = parse_xml(read_bytes(path), path)
     found = [element for element in root.findall("cameras/camera") if element.get("active", "1") == "1"]
     if root.tag != "calibration" or not found:
         raise FileFormatError(path, "(file)", "<calibration> with <cameras> of which one is active", f"<{root.tag}>")
@@ -97,7 +97,7 @@ def _camera(path: str | Path, element: ET.Element) -> Camera:
             value = float(text or "")
         except ValueError as error:
             raise FileFormatError(path, f"{place}.{parent.tag}.{key}", "a number", text) from error
-        if not abs(value) <= 1e9:  # nor not-a-number
+        if not is_number(value):
             raise FileFormatError(path, f"{place}.{parent.tag}.{key}", "a finite number", text)
         return value
 
@@ -113,9 +113,6 @@ def _camera(path: str | Path, element: ET.Element) -> Camera:
     rows = np.array([[number(transform, f"r{i}{j}") for j in (1, 2, 3)] for i in (1, 2, 3)])
     center = np.array([number(transform, key) for key in "xyz"]) / MM
     pose = pose_of(path, f"{place}.transform", (_TO_OPTICAL @ rows).T, center, tolerance=1e-4)
-    size = (int(number(fov, "right") - left) + 1, int(number(fov, "bottom") - top) + 1)
-    distortion = np.array([k1, k2, p1, p2, k3])
-    if min(size) < 1:
-        raise FileFormatError(path, f"{place}.fov_video", "left <= right and top <= bottom", dict(fov.attrib))
-    fields, coefficients = (f"{place}.intrinsic", f"{place}.intrinsic"), distortion if distortion.any() else np.zeros(0)
-    return Camera(name, lens_of(path, fields, name, size, K, coefficients), pose)
+    size = size_of(path, f"{place}.fov_video", number(fov, "right") - left + 1, number(fov, "bottom") - top + 1)
+    fields = (f"{place}.intrinsic", f"{place}.intrinsic")
+    return Camera(name, lens_of(path, fields, name, size, K, np.array([k1, k2, p1, p2, k3])), pose)

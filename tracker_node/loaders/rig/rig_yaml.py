@@ -31,6 +31,7 @@ from ..file_model import (
 from ..source_address import TOPIC_NAME, parse_source, relocated
 from ..yaml_file import read_mapping, write_mapping
 from .capture_yaml import CaptureEntry, capture_entry
+from .lens import is_side
 
 NS_PER_S = 1_000_000_000
 MAX_SCALE = 1e4  # between the pixels of a file and those of the calibration
@@ -38,7 +39,7 @@ MAX_DRIFT_PPM = 1e5  # a tenth; quartz clocks have 100 millionths
 
 
 def _is_size(value: Any) -> bool:
-    return are_numbers(value, 2) and all(float(v).is_integer() and 1 <= v <= 100_000 for v in value)
+    return are_numbers(value, 2) and all(map(is_side, value))
 
 
 def _three(value: Any) -> Any:

@@ -61,7 +61,10 @@ class PhotometryOptions:
 
 
 def features_of(rgb: np.ndarray, options: PhotometryOptions) -> np.ndarray:
-    """What the representation compares of colors; squared distances are those of the score.
+    """What the representation compares of colors; squared distances are those of the score, but for dark pixels.
+
+    Colors over intensity are divided by the sum of red, green and blue, here by 20 at least, in the score
+    (`objective.color`) by 1 at least.
 
     Parameters
     ----------

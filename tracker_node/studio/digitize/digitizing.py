@@ -12,7 +12,7 @@ from ...calibration.points.dlt import MIN_POINTS, calibrate, check_control_point
 from ...calibration.points.triangulation import ReconstructedPoint, reconstruct_point, repeatability
 from ...camera.rig import CameraRig
 from ...errors import CalibrationError
-from ...loaders.motion.trajectory_file import JointTrajectory, write_joints
+from ...loaders.motion.trajectory_file import Trajectories, write_joints
 from ...loaders.motion.trc import MarkerTrajectories, dump_trc
 from ...loaders.rig.control_points import ControlPoints
 from .click_store import Clicked, ClickStore
@@ -124,7 +124,7 @@ def judge_control(
     return assessments, object_errors_m(cameras, seen)
 
 
-def _trajectories(rig: CameraRig, store: ClickStore) -> JointTrajectory:
+def _trajectories(rig: CameraRig, store: ClickStore) -> Trajectories:
     """Every point in every image set, from the mean of the passes; not valid where fewer than two cameras show it."""
     stamps = store.stamps_ns()
     found = [reconstruct(rig, store.mean_clicks(stamp_ns)) for stamp_ns in stamps]
@@ -133,7 +133,7 @@ def _trajectories(rig: CameraRig, store: ClickStore) -> JointTrajectory:
     for i, of_set in enumerate(found):
         for name, (_, point) in of_set.items():
             positions[i, names.index(name)], valid[i, names.index(name)] = point.position_m, True
-    return JointTrajectory(names, np.array(stamps, dtype=np.int64), positions, valid)
+    return Trajectories(names, np.array(stamps, dtype=np.int64), positions, valid)
 
 
 def save_trajectories(rig: CameraRig, store: ClickStore) -> list[Path]:
@@ -158,7 +158,7 @@ def save_trajectories(rig: CameraRig, store: ClickStore) -> list[Path]:
     if not found.names:
         return []
     seen = found.valid.any(axis=1)
-    found = JointTrajectory(found.names, found.stamps_ns[seen], found.positions_m[seen], found.valid[seen])
+    found = Trajectories(found.names, found.stamps_ns[seen], found.positions_m[seen], found.valid[seen])
     even, step_ns = _evenly(found)
     markers = MarkerTrajectories(even.names, 1e-9 * even.stamps_ns, even.positions_m, 1e9 / step_ns, even.valid)
     for name in (JOINTS_FILE, TRC_FILE):  # neither, if one of them is refused
@@ -169,7 +169,7 @@ def save_trajectories(rig: CameraRig, store: ClickStore) -> list[Path]:
     ]
 
 
-def _evenly(found: JointTrajectory) -> tuple[JointTrajectory, float]:
+def _evenly(found: Trajectories) -> tuple[Trajectories, float]:
     """With rows that are not valid where image sets were left out, and the median step in nanoseconds; 1 s of a single one."""
     steps = np.diff(found.stamps_ns)
     if not len(steps):
@@ -181,4 +181,4 @@ def _evenly(found: JointTrajectory) -> tuple[JointTrajectory, float]:
     stamps = np.round(np.interp(np.arange(n), at, found.stamps_ns - found.stamps_ns[0])).astype(np.int64) + found.stamps_ns[0]
     positions, valid = np.zeros((n, *found.positions_m.shape[1:])), np.zeros((n, len(found.names)), dtype=bool)
     positions[at], valid[at] = found.positions_m, found.valid
-    return JointTrajectory(found.names, stamps, positions, valid), step_ns
+    return Trajectories(found.names, stamps, positions, valid), step_ns

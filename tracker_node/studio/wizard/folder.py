@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import TrackerError
-from ...loaders.projects import natural, recordings_in, subfolders
+from ...loaders.projects import recordings_in, subfolders
 from ...loaders.rig.formats import RIG, detect
+from ...loaders.source_address import natural
 from ...loaders.whole_file import read_text
 
 WORLD_FOLDERS = ("world", "floor")

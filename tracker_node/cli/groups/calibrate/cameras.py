@@ -47,7 +47,7 @@ def _run_rig(args: argparse.Namespace) -> int:
         write_images,
         write_rig_page,
     )
-    from ....calibration.board.rig import calibrate_rig, check_for_rig, given_lenses, with_sources
+    from ....calibration.board.rig import calibrate_rig, check_for_rig, given_lenses, with_clocks
     from ....calibration.video_pixels import parsed_choices, rig_of_videos
     from ....loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
     from ....report.html import text_table
@@ -71,7 +71,8 @@ def _run_rig(args: argparse.Namespace) -> int:
     found = calibrate_rig(board, seen, options, lenses, None if args.quiet else StageProgress("calibrate rig"))
     late_s = late_cameras(found)
     whole_s = {name: begun_s.get(name, 0.0) + late_s.get(name, 0.0) for name in found.rig.names}
-    rig = with_sources(found.rig, {name: tracked_later.get(name) for name in sources}, whole_s if args.write_clocks else {})
+    rig = with_clocks(found.rig, whole_s if args.write_clocks else {})
+    rig = rig.with_sources({name: tracked_later.get(name) for name in rig.names})
     rig = rig_of_videos(rig, pixels, print)
     write_rig_file(rig_file_of(rig), args.output, base_dir=".")
     for name, seconds in late_s.items():
