@@ -72,11 +72,11 @@ def load_clip(name: str) -> Clip:
 
 
 def findings(clip: Clip) -> tuple[Finding, ...]:
-    """What the doctor says of a clip."""
-    recordings = {}
+    """What the doctor says of a clip, with people looked for."""
+    (detector,), recordings = detectors_of(DetectionOptions()), {}
     for name in clip.rig.names:
         rate_hz = clip.rates_hz[name]
-        recordings[name] = CameraRecording(name, len(clip.images[name]), rate_hz)
+        recordings[name] = CameraRecording(name, len(clip.images[name]), rate_hz, detector=detector)
         for i, image in enumerate(clip.images[name]):
             recordings[name].add(round(i * 1e9 / rate_hz), image)
     return examine(clip.rig, recordings).findings

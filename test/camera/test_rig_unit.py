@@ -41,3 +41,9 @@ def test_long_lenses_far_away_are_not_refused():
     far = cameras([100] * 3, focal_px=12_000.0)
     assert wrong_unit(far) is not None  # rig check asks
     check_metres(far, 1.8)
+
+
+@pytest.mark.parametrize("size_m", [240.0, 2.4e-7])
+def test_a_body_in_another_unit_is_told(size_m):
+    with pytest.raises(TrackerError, match=rf"a body in meters, got one of {size_m:.3g} m; meshes in millimeters take scale: 0.001"):
+        check_metres(cameras([1, 1, 1]), size_m)

@@ -72,7 +72,8 @@ def test_one_place_in_millimetres_among_metres(clip):
 @pytest.mark.long
 def test_axes_as_in_opengl(clip):
     flipped = tuple(replace(c, T_world_cam=c.T_world_cam @ np.diag([1.0, -1.0, -1.0, 1.0])) for c in clip.rig)
-    assert told(replace(clip, rig=replace(clip.rig, cameras=flipped))) == [("mirrored", ())]
+    (finding,) = examine(*_rig_and_recordings(replace(clip, rig=replace(clip.rig, cameras=flipped)))).findings
+    assert (finding.fault, finding.cameras) == ("mirrored", ()) and "OpenGL" in finding.sentence
 
 
 @pytest.mark.long

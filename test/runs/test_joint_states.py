@@ -14,7 +14,8 @@ from tracker_node.loaders.bag.message_types import message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.loaders.yaml_file import read_mapping
-from tracker_node.runs.joint_states import JOINT_STATE, JointStateFile, load_joint_states, positions_of
+from tracker_node.observation.image_set import ImageSet
+from tracker_node.runs.joint_states import JOINT_STATE, JointStateFile, JointStatesBeside, load_joint_states, positions_of
 
 SECOND = 1_000_000_000
 
@@ -52,6 +53,27 @@ def test_a_table_has_a_column_a_joint_with_its_unit_or_without(tmp_path):
 def test_a_table_that_cannot_be_used_is_named(tmp_path, text, said):
     with pytest.raises(TrackerError, match=said):
         load_joint_states(table(tmp_path / "a.csv", text), two_links())
+
+
+def test_positions_in_another_unit_are_refused(tmp_path):
+    """In degrees most are beyond the limits; a robot may be a little beyond its own."""
+    axis = two_links().chain.axes[0]
+    reach = axis.upper - axis.lower
+    table_of = lambda low, high: table(tmp_path / "a.csv", f"stamp_ns,{axis.name}\n0,{low}\n1,{high}\n2,{high}\n")  # noqa: E731
+    with pytest.raises(TrackerError, match=rf"field '{axis.name}'.*between the joint's limits.*degrees\?"):
+        load_joint_states(table_of(axis.lower, axis.upper + reach), two_links())
+    assert load_joint_states(table_of(axis.lower, axis.upper + 0.1 * reach), two_links()).at(0)
+
+
+def test_image_sets_of_which_nothing_is_said_are_counted(tmp_path):
+    states = load_joint_states(table(tmp_path / "a.csv", f"stamp_ns,bend\n{SECOND},0.1\n{SECOND + 10**7},0.1\n"), two_links())
+    beside = JointStatesBeside(states)
+    assert beside.with_joint_states(ImageSet(SECOND, ())).joint_positions and beside.note == ""
+    beside.with_joint_states(ImageSet(9 * SECOND, ()))
+    assert "at the time of 1 of 2 image sets: they are from 1.000 to 1.010 s, images from 1.000 to 9.000 s" in beside.note
+    never = JointStatesBeside(states)
+    never.with_joint_states(ImageSet(9 * SECOND, ()))
+    assert "at the time of any of 1 image sets" in never.note and never.note.endswith("one clock?")
 
 
 def test_a_bag_is_read_by_its_only_topic_the_usual_one_or_one_that_is_named(tmp_path):

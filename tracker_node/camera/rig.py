@@ -233,6 +233,7 @@ def epipolar_curve(camera: Camera, pixel: np.ndarray, other: Camera) -> np.ndarr
     return pixels[first:last]
 
 
+SMALLEST_BODY_M = 1e-4  # and hardly anything smaller is tracked
 LARGEST_ROOM_M = 100.0  # a camera farther than this from the others is hardly meant in meters
 LEAST_PX = 20.0  # a body that is smaller in the images is not tracked
 
@@ -285,7 +286,7 @@ def wrong_unit(cameras: Sequence[Camera]) -> WrongUnit | None:
 
 
 def check_metres(cameras: Sequence[Camera], size_m: float) -> None:
-    """Refuse cameras in another unit; a rig that is really large sees a body of this size from far away, too small to track.
+    """Refuse cameras, or a body, in another unit; a rig that is really large sees a body of this size too small to track.
 
     Parameters
     ----------
@@ -296,6 +297,8 @@ def check_metres(cameras: Sequence[Camera], size_m: float) -> None:
     ------
     TrackerError : with the sentence that ``rig check`` writes.
     """
+    if not SMALLEST_BODY_M < size_m < LARGEST_ROOM_M:
+        raise TrackerError(f"model: expected a body in meters, got one of {size_m:.3g} m; meshes in millimeters take scale: 0.001")
     wrong = wrong_unit(cameras)
     if wrong is None:
         return

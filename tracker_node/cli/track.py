@@ -324,6 +324,9 @@ def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str],
         told.append(found["said"])
         more = " (tracker_node rig check RIG)" if found["kind"] in (TURNED, DELAYED) else ""
         print(f"track: {found['said']}, in {found['sets']} image sets{more}", file=sys.stderr)
+    for note in (note for note in summary["notes"] if note not in told):
+        told.append(note)
+        print(f"track: {note}", file=sys.stderr)
     if quiet:
         return
     counts = ", ".join(f"{n} {name}" for name, n in summary["status_counts"].items() if n)

@@ -108,12 +108,20 @@ def _exchanges(setup: Setup, base: np.ndarray) -> Iterator[Correction]:
         yield _exchange("upside_down", (a.name,), setup.with_camera(i, _placed(a, np.diag([-1.0, -1.0, 1.0, 1.0]))), base)
         for b in setup.cameras[:i]:
             yield _exchange("swapped", (b.name, a.name), _swapped(setup, a, b), base)
-    if n > 2:
-        yield _exchange("mirrored", (), _mirrored(setup, range(n)), base)
-    flipped = tuple(_placed(camera, _OPTICAL_FLIP) for camera in setup.cameras)
-    yield _exchange("axes", (), replace(setup, cameras=flipped), base)
+    if not _looks_away(setup):
+        if n > 2:
+            yield _exchange("mirrored", (), _mirrored(setup, range(n)), base)
+    else:  # planes through a ray do not tell it from its opposite: this agrees as well as mirrored images
+        flipped = tuple(_placed(camera, _OPTICAL_FLIP) for camera in setup.cameras)
+        yield _exchange("axes", (), replace(setup, cameras=flipped), base)
     inverted = tuple(replace(camera, T_world_cam=se3.inverse(camera.T_world_cam)) for camera in setup.cameras)
     yield _exchange("inverted", (), replace(setup, cameras=inverted), base)
+
+
+def _looks_away(setup: Setup) -> bool:
+    """Whether what moves is behind most cameras, as the rig has them."""
+    behind = [se3.apply(camera.T_cam_world, setup.center)[2] < 0.0 for camera in setup.cameras]
+    return sum(behind) > len(behind) / 2
 
 
 def _exchange(kind: str, cameras: tuple[str, ...], setup: Setup, base: np.ndarray) -> Correction:

@@ -138,13 +138,14 @@ class CameraRecording:
         return np.array([float(np.median((image[usable] + 1.0) / (first[usable] + 1.0))) for image in self.small])
 
     def moved_from(self, least_px: float) -> list[ViewShift]:
-        """Shifts from the first one on after which the background never comes back; a single one at the end does not count."""
+        """Shifts from the first one on after which the background never comes back; none of the last moment alone."""
         moved: list[ViewShift] = []
         for shift in reversed(self.view_shifts):
             if shift.px < least_px:
                 break
             moved.insert(0, shift)
-        return moved if len(moved) > 1 else []
+        lasting = bool(moved) and moved[-1].index - moved[0].index >= 0.5 * _VIEW_EVERY_S * self.rate_hz
+        return moved if lasting else []
 
     def repeated(self, others: Sequence[CameraRecording]) -> np.ndarray:
         """(T,) bool: images that are the one before once more, though something moves.

@@ -6,6 +6,8 @@ import threading
 from bisect import bisect_left, insort
 from collections.abc import Iterable
 
+import numpy as np
+
 _NEAR_NS = 100_000_000  # readings further apart than this, or from the time asked for, say nothing of what is between
 _STEP_NS = 5_000_000  # between two readings that a velocity is taken from
 _BEFORE = 100  # readings before a gap that a velocity is taken from
@@ -33,6 +35,18 @@ class JointStates:
         """Of all joints that something has been said of."""
         with self._lock:
             return tuple(self._readings)
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Stamps of the first and the last reading of any joint; None where there is none."""
+        with self._lock:
+            ends = [(readings[0][0], readings[-1][0]) for readings in self._readings.values() if readings]
+        return (min(first for first, _ in ends), max(last for _, last in ends)) if ends else None
+
+    def positions(self, name: str) -> np.ndarray:
+        """(n,) all readings of a joint, radians or meters."""
+        with self._lock:
+            return np.array([position for _, position in self._readings.get(name, ())])
 
     def add(self, stamp_ns: int, positions: Iterable[tuple[str, float]]) -> None:
         """Take in a reading.

@@ -21,6 +21,7 @@ from ..tracking.config import GEOMETRIC, TrackerConfig
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 USUAL_TOPIC = "/joint_states"
+_BEYOND = 0.25  # of a joint's range, by which a robot may be beyond its limits
 _NAMED = 8  # names in a message for people
 
 
@@ -105,10 +106,24 @@ def load_joint_states(file: JointStateFile, model: ArticulatedModel) -> JointSta
     if not file.path.exists():
         raise FileFormatError(file.path, "joint states", "a CSV file or a bag", "nothing")
     if file.path.is_dir() or file.path.suffix == ".mcap":
-        return _from_bag(file, model)
-    if file.topic is not None:
+        states = _from_bag(file, model)
+    elif file.topic is not None:
         raise FileFormatError(file.path, "topic", "a bag, where a topic is given", f"a {file.path.suffix or 'plain'} file")
-    return _from_csv(file.path, model)
+    else:
+        states = _from_csv(file.path, model)
+    _check_limits(file.path, states, model)
+    return states
+
+
+def _check_limits(path: Path, states: JointStates, model: ArticulatedModel) -> None:
+    """Positions most of which are far beyond a joint's limits are of another unit."""
+    for axis in model.chain.axes:
+        positions = states.positions(axis.name)
+        margin = _BEYOND * (axis.upper - axis.lower)
+        if len(positions) and np.mean((positions < axis.lower - margin) | (positions > axis.upper + margin)) > 0.5:
+            expected = f"{axis.unit} between the joint's limits, {axis.lower:.3g} and {axis.upper:.3g}"
+            got = f"{positions.min():.3g} to {positions.max():.3g}" + (": degrees?" if axis.unit == "rad" else ": millimeters?")
+            raise FileFormatError(path, axis.name, expected, got)
 
 
 def _from_csv(path: Path, model: ArticulatedModel) -> JointStates:
@@ -158,6 +173,42 @@ def with_joint_states(states: JointStates, image_set: ImageSet) -> ImageSet:
     The image set with ``joint_positions``.
     """
     return replace(image_set, joint_positions=states.at(image_set.stamp_ns))
+
+
+class JointStatesBeside:
+    """What a robot says, put beside image sets; it knows how often nothing was said.
+
+    Parameters
+    ----------
+    states : positions over time.
+    """
+
+    def __init__(self, states: JointStates):
+        self._states, self._unsaid = states, 0
+        self._times: list[int] = []
+
+    def with_joint_states(self, image_set: ImageSet) -> ImageSet:
+        """The image set with the ``joint_positions`` of its time."""
+        beside = with_joint_states(self._states, image_set)
+        self._times.append(image_set.stamp_ns)
+        self._unsaid += not beside.joint_positions
+        return beside
+
+    @property
+    def note(self) -> str:
+        """In how many image sets nothing was said, and when; empty where something was in all of them."""
+        if not self._unsaid:
+            return ""
+        said, (first, last) = self._states.span_ns, (1e-9 * self._times[0], 1e-9 * self._times[-1])
+        there = "there are none" if said is None else f"they are from {1e-9 * said[0]:.3f} to {1e-9 * said[1]:.3f} s"
+        without = "any" if self.unused else str(self._unsaid)
+        told = f"joint states: none at the time of {without} of {len(self._times)} image sets: {there}, images from"
+        return f"{told} {first:.3f} to {last:.3f} s" + ("; do both stamps come from one clock?" if self.unused else "")
+
+    @property
+    def unused(self) -> bool:
+        """Nothing was said of any image set."""
+        return 0 < self._unsaid == len(self._times)
 
 
 def _listed(names: Collection[str]) -> str:

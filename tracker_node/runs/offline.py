@@ -23,7 +23,6 @@ from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
 from ..model.humans.keypoints import KeypointTable
 from ..observation.image_set import ImageSet
-from ..observation.joint_states import JointStates
 from ..parallel import short_switches
 from ..tracking.config import KEYPOINTS, REGION, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
@@ -34,7 +33,7 @@ from ..tracking.uncertainty.covariance import unobservable
 from .config_file import config_for
 from .image_sets import BagStream, ImageSetStream, SourceStream, resampled_rig, rig_of_bag
 from .images import JOINED_AFTER, run_stream
-from .joint_states import JointStateFile, check_use, load_joint_states, with_joint_states
+from .joint_states import JointStateFile, JointStatesBeside, check_use, load_joint_states
 from .load import run_info
 from .loop import TrackingLoop
 from .people.detection import AROUND_S, DetectionOptions, PeopleDetection
@@ -220,7 +219,7 @@ def run_together(
         joint_states = _joint_states_of(run)
 
         def prepared(tracker: Any, image_set: ImageSet) -> ImageSet:
-            image_set = image_set if joint_states is None else with_joint_states(joint_states, image_set)
+            image_set = image_set if joint_states is None else joint_states.with_joint_states(image_set)
             return image_set if detection is None else detection.with_people(tracker, image_set)
 
         if any(REGION in each.config.modalities for each in everybody):
@@ -235,6 +234,9 @@ def run_together(
             stream.errors.append("ended by Ctrl-C before the last image set")
             raise
         finally:
+            if joint_states is not None and joint_states.note:
+                tell(joint_states.note)
+                (stream.errors if joint_states.unused else stream.notes).append(joint_states.note)
             names = list(followers.bodies)
             summaries = {name: body.ended(stream, detection, names) for name, body in followers.bodies.items()}
         if not summaries:  # nobody has come
@@ -360,14 +362,14 @@ def _stream_of(run: OfflineRun, reader: BagReader | None, with_points: bool) -> 
     return rig, BagStream(rig, run.config.synchronizer, reader, with_points=with_points)
 
 
-def _joint_states_of(run: OfflineRun) -> JointStates | None:
+def _joint_states_of(run: OfflineRun) -> JointStatesBeside | None:
     """What a robot says; None where nothing is used."""
     if run.joint_states is None:
         return None
     check_use(run.model, run.config)
     if run.smooth_s is not None:
         raise TrackerError("expected either joint states or smoothing, which does not know them, got both")
-    return load_joint_states(run.joint_states, run.model)
+    return JointStatesBeside(load_joint_states(run.joint_states, run.model))
 
 
 def _detection_of(run: OfflineRun, rig: CameraRig, reader: BagReader | None) -> PeopleDetection | None:
@@ -410,6 +412,9 @@ def _what_mostly(name: str) -> str:
     return f"{name.split('(')[0]}some axis" if name.startswith("root ") else name.split()[0]
 
 
+_MANY_SETS = 10  # in none of which a camera shows the body, after which that is noted
+
+
 @dataclass
 class _Record:
     """What the summary needs of each estimate."""
@@ -424,6 +429,8 @@ class _Record:
     residual: list[float] = field(default_factory=list)
     faults: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
     unobservable_sets: Counter[str] = field(default_factory=Counter)  # sets, by degree of freedom
+    used: Counter[str] = field(default_factory=Counter)  # sets in which the body is followed, by camera that gave an image...
+    seeing: Counter[str] = field(default_factory=Counter)  # ...and of these those in which it shows some of the body
 
     def add(self, estimate: TrackEstimate) -> None:
         self.status[estimate.status] += 1
@@ -434,12 +441,23 @@ class _Record:
         if estimate.status.has_state:
             self.iterations.append(estimate.iterations)
             self.residual.append(estimate.residual)
+            self.used.update(camera.camera for camera in estimate.cameras if camera.stamp_ns)
+            self.seeing.update(camera.camera for camera in estimate.cameras if camera.samples)
         names = [] if estimate.information is None else unobservable(estimate.information, self.model)
         self.unobservable_sets.update(set(map(_what_mostly, names)))
         for fault in estimate.faults:
             sets = self.faults.get((fault.camera, fault.kind), {"sets": 0})["sets"]
             found = {"camera": fault.camera, "kind": fault.kind, "said": fault.text, "since_ns": fault.since_ns, "sets": sets + 1}
             self.faults[fault.camera, fault.kind] = found
+
+    @property
+    def notes(self) -> list[str]:
+        """Cameras that never show the body, where others do."""
+        if not self.seeing:
+            return []
+        never = [name for name, sets in self.used.items() if sets >= _MANY_SETS and not self.seeing[name]]
+        told = "shows the body in none of its image sets: does it look elsewhere? (tracker_node rig check RIG)"
+        return [f"{name} {told}" for name in never]
 
 
 def _track(
@@ -474,7 +492,7 @@ def _summary(
         "contradicted_cameras": list(record.faults.values()),
         "unobservable": [{"what": what, "sets": sets} for what, sets in record.unobservable_sets.most_common()],
         "errors": list(stream.errors),
-        "notes": list(stream.notes),
+        "notes": [*stream.notes, *record.notes],
         "reason": record.reasons.most_common(1)[0][0] if record.reasons else "",
     }
     if detection is not None:
