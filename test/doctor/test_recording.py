@@ -82,8 +82,8 @@ def test_brightness_is_against_the_first_image_where_it_is_neither_dark_nor_burn
     assert recording.brightness()[1] == pytest.approx(1.5)
 
 
-def with_shifts(*px):
-    recording = CameraRecording("cam01", 8, 10.0)
+def with_shifts(*px, rate_hz=4.0):
+    recording = CameraRecording("cam01", 8, rate_hz)
     recording.view_shifts = [ViewShift(i, value) for i, value in enumerate(px)]
     return recording
 
@@ -97,6 +97,7 @@ def test_a_camera_has_moved_where_the_background_never_comes_back():
     assert moved(with_shifts(0, 5, 0, 6, 7), 3.0) == [(3, 6), (4, 7)]
     assert moved(with_shifts(0, 5, 6, 0), 3.0) == []
     assert moved(with_shifts(0, 0, 0, 9), 3.0) == []  # a single one at the end
+    assert moved(with_shifts(0, 0, 9, 9, rate_hz=30.0), 3.0) == []  # of two images in a row
     assert moved(with_shifts(2.9, 3.0, 3.0), 3.0) == [(1, 3.0), (2, 3.0)]
     assert moved(with_shifts(), 3.0) == []
 

@@ -298,7 +298,8 @@ def check_metres(cameras: Sequence[Camera], size_m: float) -> None:
     TrackerError : with the sentence that ``rig check`` writes.
     """
     if not SMALLEST_BODY_M < size_m < LARGEST_ROOM_M:
-        raise TrackerError(f"model: expected a body in meters, got one of {size_m:.3g} m; meshes in millimeters take scale: 0.001")
+        told = "meshes in millimeters take scale: 0.001"
+        raise TrackerError(f"model: expected a body in meters, got one of {size_m:.3g} m; {told}")
     wrong = wrong_unit(cameras)
     if wrong is None:
         return
