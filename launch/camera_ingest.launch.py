@@ -18,6 +18,7 @@ def generate_launch_description() -> LaunchDescription:
         argument("loop", default_value="true"),
         argument("namespace"),
         argument("topics"),
+        argument("compressed"),
         argument("use_sim_time"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_ingest)])
@@ -27,7 +28,7 @@ def _ingest(context) -> list:
     rate = value_of(context, "rate")
     arguments = ["--rig", value_of(context, "rig"), "--shrink", value_of(context, "shrink")]
     arguments += ["--rate", rate] if rate else []
-    arguments += ["--loop"] if value_of(context, "loop") == "true" else []
+    arguments += [f"--{name}" for name in ("loop", "compressed") if value_of(context, name).lower() == "true"]
     topics = value_of(context, "topics")
     arguments += ["--topics", *topics.split()] if topics else []
     node = Node(

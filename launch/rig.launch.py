@@ -17,7 +17,7 @@ TRACKER = (
     *(*SHARED, "model", "initial_state", "occluders", "params_file", "calibration", "topics"),
     *("name", "frame_prefix", "link_frames", "lossless", "joint_states", "keypoints"),
 )
-INGEST = (*SHARED, "rate", "shrink", "loop", "topics")
+INGEST = (*SHARED, "rate", "shrink", "loop", "topics", "compressed")
 DETECTOR = (*SHARED, "keypoints_rate", "weights", "topics", "name")
 RVIZ = (*SHARED, "layout", "name")
 
@@ -37,6 +37,11 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "compression", default_value="none", choices=["none", "lz4", "zstd"], description="of the bag's messages"
         ),
+        argument(
+            "compressed",
+            default_value=PythonExpression(["str('", LaunchConfiguration("record_images"), "' == 'compressed').lower()"]),
+            description="the cameras of ingest offer JPEG images, too; true where the bag takes those",
+        ),
         *map(argument, ("keypoints_rate", "weights", "rviz")),
         argument("layout"),
     ]
@@ -47,7 +52,7 @@ def generate_launch_description() -> LaunchDescription:
         arguments=[
             *("--output", LaunchConfiguration("bag"), "--images", LaunchConfiguration("record_images")),
             *("--split-mb", LaunchConfiguration("split_mb"), "--compression", LaunchConfiguration("compression")),
-            *("--all", "--exclude", ".*/markers"),
+            *("--all", "--exclude", ".*/markers", ".*/(overlay|masked_image)(/compressed)?"),
         ],
         parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
         **BAG_CLOSED,

@@ -8,13 +8,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
+from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.consistency import landmark_nees, state_nees
 from tracker_node.evaluation.evaluate import EvaluationOptions
 from tracker_node.evaluation.pose_metrics import rigid_errors, segment_errors, state_errors, surface_points
 from tracker_node.evaluation.review import Truth, review
-from tracker_node.evaluation.truth.files import holds_states, load_true_states
+from tracker_node.evaluation.truth.files import holds_states, load_true_states, truth_of
 from tracker_node.geometry import se3, so3
-from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, Trajectories, write_states
+from tracker_node.loaders.motion.trajectory_file import PosesWriter, StateRow, StateTrajectory, Trajectories, write_states
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.configuration import State
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
@@ -229,6 +230,28 @@ def test_which_files_hold_states(tmp_path):
 def test_lost_rows_of_the_truth_do_not_count(tmp_path):
     truth = load_true_states(states_file(tmp_path / "truth.csv", motion(4), "LOST"))
     assert not truth.valid.any() and truth.states(motion(2).model) == (None,) * 4
+
+
+def test_truth_may_be_poses_or_a_stamp_and_degrees_of_freedom(tmp_path):
+    box = ArticulatedModel("box", KinematicChain(("box",), ()), (Shape("box", "box", Box((0.2, 0.1, 0.3))),), ())
+    turns = [so3.exp(np.array([0.1 * i, 0.2, 0.0])) for i in range(3)]
+    poses = [se3.from_rotation_translation(R, np.array([0.1 * i, 0.0, 1.0])) for i, R in enumerate(turns)]
+    states = [State(T, np.zeros(0)) for T in poses]
+    truth = Motion(box, np.arange(3, dtype=np.int64) * PERIOD_NS, tuple(states))
+    whole = load_true_states(states_file(tmp_path / "states.csv", truth))
+    with PosesWriter(tmp_path / "poses.csv") as writer:
+        for stamp, T in zip(truth.stamps_ns, poses, strict=True):
+            writer.append(stamp, T)
+    rows = [",".join(map(str, [stamp, *s.to_values()])) for stamp, s in zip(truth.stamps_ns, states, strict=True)]
+    header = "stamp_ns,root_x_m,root_y_m,root_z_m,root_rx_rad,root_ry_rad,root_rz_rad"
+    (tmp_path / "plain.csv").write_text("\n".join([header, *rows]))
+    for name in ("poses.csv", "plain.csv"):
+        found = truth_of([str(tmp_path / name)], None, box).states
+        assert found.names == whole.names and (found.stamps_ns == whole.stamps_ns).all() and found.valid.all()
+        np.testing.assert_allclose(found.values, whole.values, atol=1e-12)
+    (tmp_path / "other.csv").write_text("stamp_ns,x,y,z\n0,0,0,0\n")
+    with pytest.raises(FileFormatError, match=r"joints.csv \(.*\), poses.csv \(.*\) or states.csv \(stamp_ns, root_x_m, …\)"):
+        truth_of([str(tmp_path / "other.csv")], None, box)
 
 
 def test_errors_of_joints_that_slide_are_millimeters(tmp_path):

@@ -300,3 +300,10 @@ def test_launch_needs_nothing_but_launch_and_the_installed_command(name, tmp_pat
         command, capture_output=True, text=True, timeout=120.0, check=False, cwd=tmp_path, env={**os.environ, **paths}
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+
+
+def test_cameras_offer_the_images_that_the_bag_takes(stand_ins):
+    for images, offered in (("compressed", True), ("raw", False), ("none", False)):
+        nodes = started_by("rig.launch.py", **BODY, bag="out/bag", record_images=images)
+        ingest = next(node for node in nodes if node.name == "camera_ingest")
+        assert ("--compressed" in ingest.arguments) is offered

@@ -40,6 +40,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     "link_frames": {"default_value": "true", "choices": SWITCH, "description": "publish the body's links on /tf"},
     "use_sim_time": {"default_value": "false", "choices": SWITCH, "description": "take the time from /clock"},
     "shrink": {"default_value": "1", "description": "make images so many times smaller"},
+    "compressed": {"default_value": "false", "choices": SWITCH, "description": "cameras offer JPEG images, too"},
     "loop": {"default_value": "false", "choices": SWITCH, "description": "recordings begin again at their end"},
     "lossless": {
         "default_value": "false",

@@ -12,11 +12,22 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError, TrackerError, repeated
-from ...geometry import so3
+from ...geometry import se3, so3
 from ...loaders.csv_file import CsvTable
 from ...loaders.images.stamps import stamps_from_first_ns
 from ...loaders.motion.c3d_file import load_c3d
-from ...loaders.motion.trajectory_file import LEADING_COLUMNS, Trajectories, between, read_joints, read_states
+from ...loaders.motion.trajectory_file import (
+    JOINT_COLUMNS,
+    LEADING_COLUMNS,
+    POSE_COLUMNS,
+    StateRow,
+    StateTrajectory,
+    Trajectories,
+    between,
+    dof_columns,
+    read_joints,
+    read_states,
+)
 from ...loaders.motion.trc import load_trc
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import (
@@ -30,11 +41,12 @@ from ...model.configuration import (
     variable_names,
 )
 from ...model.humans.measures import landmark_of_marker
-from ...model.kinematic_chain import N_ROOT_DOF
+from ...model.kinematic_chain import N_ROOT_DOF, ROOT_DOF_NAMES
 from ..motion.coordinates import load_coordinates
 
 COORDINATES = (".mot", ".sto")
-_NO_TRUTH = ("LOST", "INITIALIZING")
+_NO_TRUTH, _GIVEN = ("LOST", "INITIALIZING"), "TRACKING"
+_FIRST = dof_columns(ROOT_DOF_NAMES)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,16 +112,19 @@ class TrueStates:
 
 
 def holds_states(path: str | Path) -> bool:
-    """Whether a file is a CSV of states, by its header, or of coordinates, by its name."""
+    """Whether a file is a CSV of states or poses, by its header, or of coordinates, by its name."""
     if Path(path).suffix.lower() in COORDINATES:
         return True
-    return Path(path).suffix.lower() == ".csv" and CsvTable(path).header[: len(LEADING_COLUMNS)] == LEADING_COLUMNS
+    if Path(path).suffix.lower() != ".csv":
+        return False
+    header = CsvTable(path).header
+    return header[: len(LEADING_COLUMNS)] == LEADING_COLUMNS or header == POSE_COLUMNS or _FIRST in header
 
 
 def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_up: bool | None = None) -> TrueStates:
-    """States from a file in the format of ``states.csv``, or a ``.mot`` or ``.sto``.
+    """States from a file in the format of ``states.csv`` or ``poses.csv``, or a ``.mot`` or ``.sto``.
 
-    Rows without a state, or with status LOST, do not count.
+    Of ``states.csv`` the stamp and the degrees of freedom are enough. Rows without a state, or with status LOST, do not count.
 
     Parameters
     ----------
@@ -127,7 +142,9 @@ def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_
     """
     if model is not None and Path(path).suffix.lower() in COORDINATES:
         return TrueStates(*load_coordinates(path, model, y_up is not False))
-    trajectory = read_states(path)
+    table = CsvTable(path)
+    whole = table.header[: len(LEADING_COLUMNS)] == LEADING_COLUMNS
+    trajectory = read_states(path) if whole else _poses(table) if table.header == POSE_COLUMNS else _plain_states(table)
     if not trajectory.rows:
         raise FileFormatError(path, "(content)", "at least one row", "none")
     latest = {int(stamp): i for i, stamp in enumerate(trajectory.stamps_ns)}
@@ -137,6 +154,27 @@ def load_true_states(path: str | Path, model: ArticulatedModel | None = None, y_
     variables = np.where(known[:, None], variables, 0.0)
     names = (*ROOT_NAMES, *trajectory.dof_names[N_ROOT_DOF:])
     return TrueStates(names, trajectory.stamps_ns[rows], variables, np.repeat(known[:, None], len(names), axis=1))
+
+
+def _poses(table: CsvTable) -> StateTrajectory:
+    """Poses of the root as states of a body without joints."""
+    rows = []
+    for cells in table.rows():
+        numbers = cells.numbers(1, len(POSE_COLUMNS))
+        T = se3.from_rotation_translation(so3.matrix_from_xyzw(numbers[3:]), numbers[:3])
+        rows.append(StateRow(cells.integer(0), _GIVEN, "", State(T, np.zeros(0)).to_values()))
+    return StateTrajectory(ROOT_DOF_NAMES, tuple(rows))
+
+
+def _plain_states(table: CsvTable) -> StateTrajectory:
+    """States by a stamp and degrees of freedom alone, whatever else there is."""
+    columns = [i for i, name in enumerate(table.header) if name.endswith(("_m", "_rad"))]
+    names = tuple(table.header[i].rpartition("_")[0] for i in columns)
+    if table.header[0] != "stamp_ns" or names[:N_ROOT_DOF] != ROOT_DOF_NAMES:
+        expected = f"stamp_ns, then {', '.join(dof_columns(ROOT_DOF_NAMES))}, then joints as in states.csv"
+        raise FileFormatError(table.path, "header", expected, table.header)
+    rows = [StateRow(c.integer(0), _GIVEN, "", np.array([c.number(i) for i in columns])) for c in table.rows()]
+    return StateTrajectory(names, tuple(rows))
 
 
 def unwrapped(values: np.ndarray, near: Sequence[np.ndarray | None] | None = None) -> np.ndarray:
@@ -254,6 +292,9 @@ def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
         stamps = stamps_from_first_ns(path, markers.times_s)
         names, positions, valid = markers.names, markers.positions_m, markers.valid
     elif kind == ".csv":
+        if CsvTable(path).header[0] == "stamp_ns" and "landmark" not in CsvTable(path).header:
+            expected = f"columns of joints.csv ({', '.join(JOINT_COLUMNS)}), poses.csv ({', '.join(POSE_COLUMNS)}) or states.csv"
+            raise FileFormatError(path, "header", f"{expected} (stamp_ns, {_FIRST}, …)", CsvTable(path).header)
         joints = read_joints(path)
         names, stamps, positions, valid = joints.names, joints.stamps_ns, joints.positions_m, joints.valid
     else:

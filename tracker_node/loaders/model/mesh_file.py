@@ -89,7 +89,8 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
             scale *= trimesh.units.unit_conversion(scene.units, "meters")
         loaded: Any = scene.to_mesh()
     except Exception as error:  # trimesh's readers raise whatever their parsers do
-        raise FileFormatError(referrer, field, "a readable mesh", f"{file}: {error}") from None
+        told = str(error) if isinstance(error, (ValueError, OSError)) else f"its reader fails ({type(error).__name__}: {error})"
+        raise FileFormatError(referrer, field, "a readable mesh", f"{file}: {told}") from None
     faces = np.asarray(getattr(loaded, "faces", np.zeros((0, 3))))
     if len(faces) == 0:
         raise FileFormatError(referrer, field, "a mesh with triangles", str(file))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from ...arguments.run_images import check, refuse_to_overwrite
@@ -109,6 +110,12 @@ def _print_place(model, fit) -> None:
     for what, found in (robot_table(model, fit).table or ())[1:]:
         print(f"{what:40} {found}")
     print(f"all cameras: median {first.median_px:.2f} -> {last.median_px:.2f} px in {len(fit.states)} image sets")
+    if last.median_px > _FAR_PX:
+        problem = f"its outline is still {last.median_px:.1f} px off, and ± do not hold"
+        print(f"calibrate robot: {problem}: did the base move, or do model, rig or joint states not fit?", file=sys.stderr)
+
+
+_FAR_PX = 3.0  # median distance of the outline after a fit, from which on something else is wrong
 
 
 SUBVERBS = (
