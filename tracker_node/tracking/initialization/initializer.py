@@ -135,9 +135,8 @@ class Initializer:
 
     def _continued(self, contest: Contest, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
         found = contest.step(image_set)
-        self.problem = (
-            f"{len(contest)} poses are compared with each other ({contest.sets} of {self._config.tracked_sets} image sets)"
-        )
+        doing = f"{len(contest)} poses are compared with each other" if len(contest) > 1 else "one pose is tried"
+        self.problem = f"{doing} ({contest.sets} of {self._config.tracked_sets} image sets)"
         if found is None:
             return None
         self._contest = None
