@@ -100,8 +100,8 @@ def _page_image(
     if setup is not None and camera.name in setup.motions:
         time_step = int(np.abs(examination.grid_ns - recording.stamps_ns[recording.shown_index]).argmin())
         _draw_motion(image, camera.name, setup, time_step, colors, factor)
-    text = [finding.sentence for finding in findings] or ["nothing found"]
-    return np.vstack([_banner(f"{camera.name}: " + "; ".join(text), image.shape[1], bool(findings)), image])
+    text = " ".join(finding.sentence for finding in findings) or f"{camera.name}: nothing found"
+    return np.vstack([_banner(text, image.shape[1], bool(findings)), image])
 
 
 def _draw_motion(
