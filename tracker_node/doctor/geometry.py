@@ -108,12 +108,11 @@ def _exchanges(setup: Setup, base: np.ndarray) -> Iterator[Correction]:
         yield _exchange("upside_down", (a.name,), setup.with_camera(i, _placed(a, np.diag([-1.0, -1.0, 1.0, 1.0]))), base)
         for b in setup.cameras[:i]:
             yield _exchange("swapped", (b.name, a.name), _swapped(setup, a, b), base)
-    if not _looks_away(setup):
-        if n > 2:
-            yield _exchange("mirrored", (), _mirrored(setup, range(n)), base)
-    else:  # planes through a ray do not tell it from its opposite: this agrees as well as mirrored images
-        flipped = tuple(_placed(camera, _OPTICAL_FLIP) for camera in setup.cameras)
-        yield _exchange("axes", (), replace(setup, cameras=flipped), base)
+    # Planes through a ray do not tell it from its opposite: axes as in OpenGL agree as an axis of the world that is mirrored does
+    flipped = tuple(_placed(camera, _OPTICAL_FLIP) for camera in setup.cameras)
+    yield _exchange("axes" if _looks_away(setup) else "mirrored", (), replace(setup, cameras=flipped), base)
+    if n > 2:
+        yield _exchange("mirrored", (), _mirrored(setup, range(n)), base)
     inverted = tuple(replace(camera, T_world_cam=se3.inverse(camera.T_world_cam)) for camera in setup.cameras)
     yield _exchange("inverted", (), replace(setup, cameras=inverted), base)
 
