@@ -14,8 +14,18 @@ from tracker_node.loaders.bag.message_types import message_of
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.motion.trajectory_file import read_states
 from tracker_node.loaders.yaml_file import read_mapping
+from tracker_node.model.configuration import State
+from tracker_node.model.kinematic_chain import Axis, Following, Joint, KinematicChain
 from tracker_node.observation.image_set import ImageSet
-from tracker_node.runs.joint_states import JOINT_STATE, JointStateFile, JointStatesBeside, load_joint_states, positions_of
+from tracker_node.observation.joint_states import JointStates
+from tracker_node.runs.joint_states import (
+    JOINT_STATE,
+    JointStateFile,
+    JointStatesBeside,
+    load_joint_states,
+    positions_of,
+    robot_images,
+)
 
 SECOND = 1_000_000_000
 
@@ -74,6 +84,16 @@ def test_image_sets_of_which_nothing_is_said_are_counted(tmp_path):
     never = JointStatesBeside(states)
     never.with_joint_states(ImageSet(9 * SECOND, ()))
     assert "at the time of any of 1 image sets" in never.note and never.note.endswith("one clock?")
+
+
+def test_a_joint_that_another_drives_goes_with_it_and_needs_no_word():
+    axes = (Axis("leads", (0.0, 0.0, 1.0)), Axis("follows", (0.0, 0.0, 1.0), mimic=Following("leads", -2.0)))
+    chain = KinematicChain(("a", "b"), (Joint("b", "a", "b", np.eye(4), axes),))
+    model = replace(two_links(), chain=chain, shapes=(), landmarks=())
+    states = JointStates()
+    states.add(5, [("leads", 0.1)])
+    found = robot_images([ImageSet(5, ())], 1, 1, states, ["cam"], State(np.eye(4), np.zeros(2)), model)
+    assert found.unsaid == () and found.poses[0][0].tolist() == pytest.approx([0.1, -0.2])
 
 
 def test_a_bag_is_read_by_its_only_topic_the_usual_one_or_one_that_is_named(tmp_path):

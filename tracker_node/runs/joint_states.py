@@ -224,7 +224,7 @@ class RobotImages:
     ----------
     sets : a number of them, spread over the recording.
     poses : (n_axes,) radians or meters by set and camera of the rig, at the camera's own stamp.
-    unsaid : joints that nothing is said of; they are as given.
+    unsaid : joints that nothing is said of, and that no other drives; they are as given.
     """
 
     sets: tuple[ImageSet, ...]
@@ -265,7 +265,8 @@ def robot_images(
             break
     if not sets:
         raise TrackerError("nothing is said of the joints at the time of any image; do both stamps come from one clock?")
-    return RobotImages(tuple(sets), tuple(poses), unsaid)
+    driven = {axis.name for axis in model.chain.axes if axis.mimic is not None and axis.mimic.leader not in unsaid}
+    return RobotImages(tuple(sets), tuple(poses), tuple(name for name in unsaid if name not in driven))
 
 
 def _said(

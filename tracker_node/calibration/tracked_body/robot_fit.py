@@ -16,6 +16,7 @@ from ...camera.rig import CameraRig
 from ...errors import TrackerError
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State
+from ...model.kinematic_chain import N_ROOT_DOF
 from ...model.shape_parameters import ShapeSpace
 from ...objective.constraints.prior import CouplingObjective, Prior
 from ...objective.shape_jacobian import linearize_lines, normal_equations
@@ -196,6 +197,7 @@ class _Fit:
         H_prior, g = np.zeros((n, n)), np.zeros(n)
         Prior(start, self._information).add_to(H_prior, g, place)
         H_prior += self._H_coupled
+        g += self._H_coupled[:, N_ROOT_DOF:] @ place.joint_positions
         H, g = H_camera.sum(axis=0) + H_prior, by_camera.sum(axis=0) + g
         return _Equations(H, g, H_prior, by_set, by_camera, H_camera, np.concatenate(residuals), np.concatenate(cameras))
 
