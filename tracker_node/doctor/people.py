@@ -59,11 +59,13 @@ class Comparison:
     rig : the cameras, turned where a turn is told.
     turn : None: no camera is.
     sound : all cameras of ``rig`` have the joints where the others have them.
+    apart_px : median distance from there, in the camera of ``rig`` in which it is largest.
     """
 
     rig: CameraRig
     turn: Turn | None
     sound: bool
+    apart_px: float
 
 
 def common_joints(cameras: Sequence[Camera], recordings: Mapping[str, CameraRecording]) -> tuple[CameraRig, np.ndarray] | None:
@@ -118,13 +120,13 @@ def compared(rig: CameraRig, joints: np.ndarray) -> Comparison:
     was, becomes = misfit.medians(rig), misfit.medians(turned[best])
     told = shares[best] > _LEAST_SHARE and was[best] - becomes[best] > _LEAST_NEARER and becomes[best] < _SOUND
     if not told:
-        return Comparison(rig, None, bool(was.max() < _SOUND))
+        return Comparison(rig, None, bool(was.max() < _SOUND), misfit.error_px * float(was.max()))
     name, camera = rig.names[best], rig.cameras[best]
     rivals = tuple(other for other, own in zip(rig.names, shares, strict=True) if own > _AS_GOOD * shares[best] and other != name)
     angle = so3.log(camera.T_world_cam[:3, :3].T @ turned[best].cameras[best].T_world_cam[:3, :3])
     px = misfit.error_px * np.array([was[best], becomes[best]])
     turn = Turn(name, rivals, math.degrees(float(np.linalg.norm(angle))), shares[best], *px)
-    return Comparison(turned[best], turn, bool(becomes.max() < _SOUND))
+    return Comparison(turned[best], turn, bool(becomes.max() < _SOUND), misfit.error_px * float(becomes.max()))
 
 
 def _with_turn(rig: CameraRig, index: int, turn: np.ndarray) -> CameraRig:
