@@ -109,8 +109,9 @@ def _exchanges(setup: Setup, base: np.ndarray) -> Iterator[Correction]:
         for b in setup.cameras[:i]:
             yield _exchange("swapped", (b.name, a.name), _swapped(setup, a, b), base)
     # Planes through a ray do not tell it from its opposite: axes as in OpenGL agree as an axis of the world that is mirrored does
-    flipped = tuple(_placed(camera, _OPTICAL_FLIP) for camera in setup.cameras)
-    yield _exchange("axes" if _looks_away(setup) else "mirrored", (), replace(setup, cameras=flipped), base)
+    away, flipped = _looks_away(setup), tuple(_placed(camera, _OPTICAL_FLIP) for camera in setup.cameras)
+    if away or n > 2:  # two cameras see a world in a mirror as well
+        yield _exchange("axes" if away else "mirrored", (), replace(setup, cameras=flipped), base)
     if n > 2:
         yield _exchange("mirrored", (), _mirrored(setup, range(n)), base)
     inverted = tuple(replace(camera, T_world_cam=se3.inverse(camera.T_world_cam)) for camera in setup.cameras)

@@ -57,5 +57,5 @@ def test_code_is_made_ready_once_for_each_configuration(rig, monkeypatch):
     for wanted in (config, config, other, other):
         maker.prepare(("cam2",), wanted)
     assert [args[2] for args in warmed] == [config, other]
-    cameras, model, used, start, occluders = warmed[0]
-    assert cameras.names == ("cam2",) and (model, used, start, occluders) == (MODEL, config, state, None)
+    cameras, *others = warmed[0]
+    assert cameras.names == ("cam2",) and others == [MODEL, config, state, None, None]

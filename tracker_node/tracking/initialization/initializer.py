@@ -135,8 +135,9 @@ class Initializer:
 
     def _continued(self, contest: Contest, image_set: ImageSet) -> tuple[Follower, TrackEstimate] | None:
         found = contest.step(image_set)
-        doing = f"{len(contest)} poses are compared with each other" if len(contest) > 1 else "one pose is tried"
-        self.problem = f"{doing} ({contest.sets} of {self._config.tracked_sets} image sets)"
+        sets = f"{contest.sets} of {self._config.tracked_sets} image sets"
+        several = len(contest) > 1
+        self.problem = f"{len(contest)} poses are compared with each other ({sets})" if several else f"one pose is tried ({sets})"
         if found is None:
             return None
         self._contest = None
