@@ -158,8 +158,8 @@ def _turned(turn: Turn) -> Finding:
     )
     if turn.rivals:
         sentence += f" It may as well be {' or '.join(turn.rivals)}."
-    sentence += " Refine the cameras' places (tracker_node calibrate refine), or calibrate them again. A clock that is hundredths of a"
-    sentence += " second late looks alike."
+    sentence += " Refine the cameras' places (tracker_node calibrate refine), or calibrate them again."
+    sentence += " A clock that is hundredths of a second late looks alike."
     values = {"turned_deg": turn.turned_deg, "share": turn.share, "before_px": turn.before_px, "after_px": turn.after_px}
     return Finding("place", (turn.camera,), sentence, values)
 
