@@ -28,7 +28,7 @@ def _ingest(context) -> list:
     rate = value_of(context, "rate")
     arguments = ["--rig", value_of(context, "rig"), "--shrink", value_of(context, "shrink")]
     arguments += ["--rate", rate] if rate else []
-    arguments += [f"--{name}" for name in ("loop", "compressed") if value_of(context, name).lower() == "true"]
+    arguments += [f"--{name}" for name in ("loop", "compressed") if value_of(context, name) == "true"]
     topics = value_of(context, "topics")
     arguments += ["--topics", *topics.split()] if topics else []
     node = Node(

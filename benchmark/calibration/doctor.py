@@ -16,6 +16,7 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -31,7 +32,7 @@ from tracker_node.loaders.images.source import open_camera_source
 from tracker_node.loaders.rig.calibration_toml import load_pose2sim
 from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.report.metrics_file import report_metrics
-from tracker_node.runs.people.detection import DetectionOptions, detectors_of
+from tracker_node.runs.people.detection import DetectionOptions, Detector, detectors_of
 from tracker_node.synthesis.recording import Request, default_motions, produce
 from tracker_node.synthesis.scenes.scene import SceneConfig
 
@@ -71,12 +72,17 @@ def load_clip(name: str) -> Clip:
     return Clip(rig, images, {camera: source.rate_hz for camera, source in sources.items()})
 
 
+@cache
+def detector() -> Detector:
+    return detectors_of(DetectionOptions())[0]
+
+
 def findings(clip: Clip) -> tuple[Finding, ...]:
     """What the doctor says of a clip, with people looked for."""
-    (detector,), recordings = detectors_of(DetectionOptions()), {}
+    recordings = {}
     for name in clip.rig.names:
         rate_hz = clip.rates_hz[name]
-        recordings[name] = CameraRecording(name, len(clip.images[name]), rate_hz, detector=detector)
+        recordings[name] = CameraRecording(name, len(clip.images[name]), rate_hz, detector=detector())
         for i, image in enumerate(clip.images[name]):
             recordings[name].add(round(i * 1e9 / rate_hz), image)
     return examine(clip.rig, recordings).findings
@@ -93,12 +99,12 @@ def turned(rig: CameraRig, index: int, degrees: float, rng: np.random.Generator)
 
 def turned_cameras(folders: list[Path], quick: bool) -> dict[str, float]:
     """What the doctor says of turned cameras, by the motion and the joints of people."""
-    (detector,), rng = detectors_of(DetectionOptions()), np.random.default_rng(7)
+    rng = np.random.default_rng(7)
     named: dict[float, list[bool]] = {size: [] for size in TURNS_DEG}
     wrong = 0
     for folder in folders[:1] if quick else folders:
         clip = load_people(folder)
-        recordings = {name: CameraRecording(name, len(clip), RATE_HZ, detector=detector) for name in clip.rig.names}
+        recordings = {name: CameraRecording(name, len(clip), RATE_HZ, detector=detector()) for name in clip.rig.names}
         for image_set in clip.sets():
             for image in image_set.images:
                 recordings[image.camera].add(image.stamp_ns, image.bgr)

@@ -73,10 +73,11 @@ def examine(rig: CameraRig, recordings: Mapping[str, CameraRecording]) -> Examin
     unit_findings, cameras = _units(cameras)
     findings += unit_findings
     seen = _compared(cameras, recordings, findings)
-    if seen is not None and seen.turn is None:
-        notes.append(f"People's joints are {seen.apart_px:.1f} px from where other cameras have them (median, worst camera).")
-    elif seen is not None and seen.turn is not None:
-        findings.append(_turned(seen.turn))
+    if seen is not None:
+        if seen.turn is None:
+            notes.append(f"People's joints are {seen.apart_px:.1f} px from where other cameras have them (median, worst camera).")
+        else:
+            findings.append(_turned(seen.turn))
         cameras = [seen.rig[camera.name] if camera.name in seen.rig.names else camera for camera in cameras]
     setup = diagnosis = None
     grid = np.zeros(0, dtype=np.int64)

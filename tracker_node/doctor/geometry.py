@@ -89,7 +89,7 @@ def _best_repair(setup: Setup, period_s: float, settled: frozenset[str]) -> Corr
     if len(setup.cameras) < 2 or not np.isfinite(base).any():
         return None
     found = (r for r in (*_exchanges(setup, base), *_fits(setup, period_s, settled)) if r.gain > LEAST_GAIN)
-    known = [r for r in found if r.kind == "clock" or not settled.intersection(r.cameras or settled)]
+    known = [r for r in found if r.kind == "clock" or settled.isdisjoint(r.cameras or settled)]  # none: of all cameras
     return max(known, key=lambda correction: correction.gain, default=None)
 
 

@@ -113,11 +113,12 @@ def compared(rig: CameraRig, joints: np.ndarray) -> Comparison:
     What was found.
     """
     misfit = _Misfit(joints)
-    before = misfit.of(rig)
+    before = misfit.distances(rig)
     turned = [_with_turn(rig, i, misfit.turn(rig, i)) for i in range(len(rig))]
-    shares = [1.0 - misfit.of(own) / before if before > 0.0 else 0.0 for own in turned]
+    after, total = [misfit.distances(own) for own in turned], _misfit_of(before)
+    shares = [1.0 - _misfit_of(own) / total if total > 0.0 else 0.0 for own in after]
     best = int(np.argmax(shares))
-    was, becomes = misfit.medians(rig), misfit.medians(turned[best])
+    was, becomes = _medians(before), _medians(after[best])
     told = shares[best] > _LEAST_SHARE and was[best] - becomes[best] > _LEAST_NEARER and becomes[best] < _SOUND
     if not told:
         return Comparison(rig, None, bool(was.max() < _SOUND), misfit.error_px * float(was.max()))
@@ -137,6 +138,18 @@ def _with_turn(rig: CameraRig, index: int, turn: np.ndarray) -> CameraRig:
     return replace(rig, cameras=cameras)
 
 
+def _misfit_of(distances: np.ndarray) -> float:
+    """Mean logarithm of squared distances: what is far off says little."""
+    known = distances[np.isfinite(distances)]
+    return float(np.log1p(known**2).mean()) if len(known) else 0.0
+
+
+def _medians(distances: np.ndarray) -> np.ndarray:
+    """(n_cameras,)."""
+    known = (own[np.isfinite(own)] for own in distances.T)
+    return np.array([float(np.median(own)) if len(own) else np.inf for own in known])
+
+
 class _Misfit:
     """How little cameras agree on joints, (n_images, n_joints, n_cameras, 3)."""
 
@@ -147,21 +160,11 @@ class _Misfit:
         sizes = [np.ptp(joints[k, seen[k, :, i], i, :2], axis=0).max() for k, i in np.argwhere(seen.any(axis=1))]
         self.error_px = _ERROR * float(np.median(sizes)) if sizes else 1.0
 
-    def of(self, rig: CameraRig) -> float:
-        """Mean logarithm of squared distances, in errors that joints have: what is far off says little."""
-        distances = self._distances(rig)
-        known = np.isfinite(distances)
-        return float(np.log1p((distances[known] / self.error_px) ** 2).mean()) if known.any() else 0.0
-
-    def medians(self, rig: CameraRig) -> np.ndarray:
-        """(n_cameras,) distances of the joints in each camera from where all cameras have them, in errors that joints have."""
-        known = (own[np.isfinite(own)] for own in self._distances(rig).T)
-        return np.array([float(np.median(own)) if len(own) else np.inf for own in known]) / self.error_px
-
-    def _distances(self, rig: CameraRig) -> np.ndarray:
-        """(n, n_cameras) px; nan where a joint is not known."""
+    def distances(self, rig: CameraRig) -> np.ndarray:
+        """(n, n_cameras) of the joints in each camera from where all cameras have them, in errors that joints have; nan where a
+        joint is not known."""
         _, valid, pixels = self._seen_by(rig, self._sure)
-        return np.where(self._sure & valid[:, None], np.linalg.norm(pixels - self._pixels, axis=2), np.nan)
+        return np.where(self._sure & valid[:, None], np.linalg.norm(pixels - self._pixels, axis=2), np.nan) / self.error_px
 
     def _seen_by(self, rig: CameraRig, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points, which of them are known, and their pixels in all cameras, by the joints that are ``sure``."""

@@ -184,13 +184,14 @@ class JointStatesBeside:
     """
 
     def __init__(self, states: JointStates):
-        self._states, self._unsaid = states, 0
-        self._times: list[int] = []
+        self._states, self._sets, self._unsaid = states, 0, 0
+        self._first_ns = self._last_ns = 0
 
     def with_joint_states(self, image_set: ImageSet) -> ImageSet:
         """The image set with the ``joint_positions`` of its time."""
         beside = with_joint_states(self._states, image_set)
-        self._times.append(image_set.stamp_ns)
+        self._first_ns, self._last_ns = self._first_ns if self._sets else image_set.stamp_ns, image_set.stamp_ns
+        self._sets += 1
         self._unsaid += not beside.joint_positions
         return beside
 
@@ -199,16 +200,17 @@ class JointStatesBeside:
         """In how many image sets nothing was said, and when; empty where something was in all of them."""
         if not self._unsaid:
             return ""
-        said, (first, last) = self._states.span_ns, (1e-9 * self._times[0], 1e-9 * self._times[-1])
+        said = self._states.span_ns
         there = "there are none" if said is None else f"they are from {1e-9 * said[0]:.3f} to {1e-9 * said[1]:.3f} s"
         without = "any" if self.unused else str(self._unsaid)
-        told = f"joint states: none at the time of {without} of {len(self._times)} image sets: {there}, images from"
-        return f"{told} {first:.3f} to {last:.3f} s" + ("; do both stamps come from one clock?" if self.unused else "")
+        images = f"images from {1e-9 * self._first_ns:.3f} to {1e-9 * self._last_ns:.3f} s"
+        told = f"joint states: none at the time of {without} of {self._sets} image sets: {there}, {images}"
+        return told + ("; do both stamps come from one clock?" if self.unused else "")
 
     @property
     def unused(self) -> bool:
         """Nothing was said of any image set."""
-        return 0 < self._unsaid == len(self._times)
+        return 0 < self._unsaid == self._sets
 
 
 def _listed(names: Collection[str]) -> str:

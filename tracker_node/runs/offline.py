@@ -234,9 +234,9 @@ def run_together(
             stream.errors.append("ended by Ctrl-C before the last image set")
             raise
         finally:
-            if joint_states is not None and joint_states.note:
-                tell(joint_states.note)
-                (stream.errors if joint_states.unused else stream.notes).append(joint_states.note)
+            if joint_states is not None and (note := joint_states.note):
+                tell(note)
+                (stream.errors if joint_states.unused else stream.notes).append(note)
             names = list(followers.bodies)
             summaries = {name: body.ended(stream, detection, names) for name, body in followers.bodies.items()}
         if not summaries:  # nobody has come
@@ -429,8 +429,8 @@ class _Record:
     residual: list[float] = field(default_factory=list)
     faults: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
     unobservable_sets: Counter[str] = field(default_factory=Counter)  # sets, by degree of freedom
-    used: Counter[str] = field(default_factory=Counter)  # sets in which the body is followed, by camera that gave an image...
-    seeing: Counter[str] = field(default_factory=Counter)  # ...and of these those in which it shows some of the body
+    used: Counter[str] = field(default_factory=Counter)  # sets in which the body is followed, by camera that gave an image
+    seeing: set[str] = field(default_factory=set)  # cameras that have shown some of the body
 
     def add(self, estimate: TrackEstimate) -> None:
         self.status[estimate.status] += 1
@@ -455,7 +455,7 @@ class _Record:
         """Cameras that never show the body, where others do."""
         if not self.seeing:
             return []
-        never = [name for name, sets in self.used.items() if sets >= _MANY_SETS and not self.seeing[name]]
+        never = [name for name, sets in self.used.items() if sets >= _MANY_SETS and name not in self.seeing]
         told = "shows the body in none of its image sets: does it look elsewhere? (tracker_node rig check RIG)"
         return [f"{name} {told}" for name in never]
 

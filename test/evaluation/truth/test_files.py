@@ -5,7 +5,7 @@ import pytest
 
 from helpers.bodies.stick_person import motion, write_truth
 from tracker_node.errors import FileFormatError
-from tracker_node.evaluation.truth.files import load_truth
+from tracker_node.evaluation.truth.files import load_true_states, load_truth
 from tracker_node.loaders.motion.c3d_file import dump_c3d
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
 
@@ -64,3 +64,7 @@ def test_other_files_are_refused(tmp_path):
     (tmp_path / "empty.csv").write_text("stamp_ns,landmark,x,y,z\n")
     with pytest.raises(FileFormatError, match="at least one row"):
         load_truth(tmp_path / "empty.csv")
+    (tmp_path / "nothing.csv").write_text("")
+    for load in (load_truth, load_true_states):
+        with pytest.raises(FileFormatError, match="field 'header'"):
+            load(tmp_path / "nothing.csv")

@@ -34,6 +34,7 @@ def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run_check(args: argparse.Namespace) -> int:
     from ...doctor.diagnosis import examine
+    from ...doctor.people import LEAST_CAMERAS
     from ...doctor.recording import record, with_inputs
     from ...doctor.report import JSON, write_examination
     from ...errors import SourceError, TrackerError
@@ -48,10 +49,11 @@ def _run_check(args: argparse.Namespace) -> int:
     output = Path(args.output)
     if output.is_dir() and any(output.iterdir()) and not (output / JSON).exists():
         raise SourceError(args.output, f"holds other files (and no {JSON} of an earlier check), which are not overwritten")
+    detector = None
     try:
-        (detector,) = detectors_of(DetectionOptions())
+        if len(rig) >= LEAST_CAMERAS:
+            (detector,) = detectors_of(DetectionOptions())
     except TrackerError as error:
-        detector = None
         print(f"cameras are not compared by people: {error}", file=sys.stderr)
     recordings = record(rig, args.seconds, lambda camera: print(f"looking at the images of {camera}", file=sys.stderr), detector)
     print("comparing the cameras", file=sys.stderr, flush=True)

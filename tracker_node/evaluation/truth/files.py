@@ -170,7 +170,7 @@ def _plain_states(table: CsvTable) -> StateTrajectory:
     """States by a stamp and degrees of freedom alone, whatever else there is."""
     columns = [i for i, name in enumerate(table.header) if name.endswith(("_m", "_rad"))]
     names = tuple(table.header[i].rpartition("_")[0] for i in columns)
-    if table.header[0] != "stamp_ns" or names[:N_ROOT_DOF] != ROOT_DOF_NAMES:
+    if "stamp_ns" not in table.header[:1] or names[:N_ROOT_DOF] != ROOT_DOF_NAMES:
         expected = f"stamp_ns, then {', '.join(dof_columns(ROOT_DOF_NAMES))}, then joints as in states.csv"
         raise FileFormatError(table.path, "header", expected, table.header)
     rows = [StateRow(c.integer(0), _GIVEN, "", np.array([c.number(i) for i in columns])) for c in table.rows()]
@@ -292,9 +292,10 @@ def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
         stamps = stamps_from_first_ns(path, markers.times_s)
         names, positions, valid = markers.names, markers.positions_m, markers.valid
     elif kind == ".csv":
-        if CsvTable(path).header[0] == "stamp_ns" and "landmark" not in CsvTable(path).header:
+        header = CsvTable(path).header
+        if "stamp_ns" in header[:1] and "landmark" not in header:
             expected = f"columns of joints.csv ({', '.join(JOINT_COLUMNS)}), poses.csv ({', '.join(POSE_COLUMNS)}) or states.csv"
-            raise FileFormatError(path, "header", f"{expected} (stamp_ns, {_FIRST}, …)", CsvTable(path).header)
+            raise FileFormatError(path, "header", f"{expected} (stamp_ns, {_FIRST}, …)", header)
         joints = read_joints(path)
         names, stamps, positions, valid = joints.names, joints.stamps_ns, joints.positions_m, joints.valid
     else:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...camera.rig import CameraRig
+from ...camera.rig import Camera, CameraRig
 from ...model.configuration import State
 from ...objective.keypoints.correspondences import KeypointCorrespondences
 from ...objective.keypoints.kernels import OUTLIER, S_UU, S_UV, S_VV, SCORE
@@ -82,11 +82,17 @@ def shares_found(points: KeypointCorrespondences, state: State, rig: CameraRig, 
     out of the image, or where others may hide the body.
     """
     agree = np.maximum(points.at(state).weights, 0.0) * points.observed[:, :, SCORE]
-    shares, places = agree.mean(axis=0), points.body.places(state)
+    shares = agree.mean(axis=0)
     for i in np.flatnonzero(shares == 0.0):
-        camera, image = rig.cameras[i], image_set.get(rig.names[i])
-        pixels, before = camera.project(places)
-        expected = (before & camera.model.in_image(pixels)).mean() > _MOST
-        if image is None or image.people is None or image_set.neighbors or not expected:
+        camera = rig.cameras[i]
+        image = image_set.get(camera.name)
+        looked = image is not None and image.people is not None and not image_set.neighbors
+        if not looked or not _is_in_image(camera, points, state):
             shares[i] = np.nan
     return shares
+
+
+def _is_in_image(camera: Camera, points: KeypointCorrespondences, state: State) -> bool:
+    """Whether most of a body's points are in the image of a camera, whatever is before them."""
+    pixels, before = camera.project(points.body.places(state))
+    return bool((before & camera.model.in_image(pixels)).mean() > _MOST)

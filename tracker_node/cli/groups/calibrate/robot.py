@@ -9,6 +9,8 @@ from pathlib import Path
 from ...arguments.run_images import check, refuse_to_overwrite
 from ...arguments.verbs import Subverb
 
+_FAR_PX = 3.0  # median distance of the outline after a fit, from which on something else is wrong
+
 
 def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
@@ -113,9 +115,6 @@ def _print_place(model, fit) -> None:
     if last.median_px > _FAR_PX:
         problem = f"its outline is still {last.median_px:.1f} px off, and ± do not hold"
         print(f"calibrate robot: {problem}: did the base move, or do model, rig or joint states not fit?", file=sys.stderr)
-
-
-_FAR_PX = 3.0  # median distance of the outline after a fit, from which on something else is wrong
 
 
 SUBVERBS = (
