@@ -59,18 +59,18 @@ class Probe:
     def ask(self, service_type, name: str, request):
         """The answer of a service.
 
-        A node that has not found this client yet sends its answer to nobody: what only reads is asked again, and what changes
-        something is asked once the node has answered a client that was made later.
+        A node that has not found this client yet sends its answer to nobody. So it is asked again, what changes something much
+        later, as a change may take its time; the first answer counts.
         """
         client = self._client(service_type, name)
         until_s, reads = time.monotonic() + TIMEOUT_S, service_type.__name__.startswith(("Get", "List", "Describe"))
-        while True:
-            future = client.call_async(request)
-            again_s = min(until_s, time.monotonic() + AGAIN_S) if reads else until_s
-            self.spin_until(lambda f=future, t=again_s: f.done() or time.monotonic() > t)
-            if future.done():
-                return future.result()
+        asked: list = []
+        while not any(future.done() for future in asked):
             assert time.monotonic() < until_s, f"no answer of {name} within {TIMEOUT_S:g} s"
+            asked.append(client.call_async(request))
+            again_s = time.monotonic() + (AGAIN_S if reads else TIMEOUT_S / 4)
+            self.spin_until(lambda until=again_s: any(f.done() for f in asked) or time.monotonic() > until)
+        return next(future.result() for future in asked if future.done())
 
     def _client(self, service_type, name: str):
         """One client per service and node."""

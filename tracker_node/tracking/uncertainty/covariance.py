@@ -345,5 +345,7 @@ def _direction(tangent: np.ndarray, lever: np.ndarray, names: tuple[str, ...]) -
             return f"{what} ({', '.join(f'{value + 0.0:.2f}' for value in axis)})"
     falling = np.argsort(-moved, kind="stable")
     order = [falling[0], *(i for i in falling[1:] if moved[i] > _NOTABLE)]  # of many small ones the largest is named
-    others = (f"{tangent[i] / tangent[order[0]]:+.2f} {names[i]}" for i in order[1:])
+    others = [f"{tangent[i] / tangent[order[0]]:+.2f} {names[i]}" for i in order[1:]]
+    if not others and moved[order[0]] < _PURE:  # made up for by many, each a little
+        others = ["with others"]
     return " ".join([names[order[0]], *others])
