@@ -9,7 +9,7 @@ when the body has been followed for twenty sets; seeds say at which part of the 
 backgrounds; the person as `track` follows people, by contours and points, and again by contours alone, in keys of their own
 (``<clip>_contours``). A set is lost that is called LOST, or has a joint more than 200 mm off (the box: its middle more than
 20 mm); one is turned whose heading is more than 90 degrees off; ``named``: sets until the camera is named, ``others``: cameras
-that are named and should not be.
+that are named and should not be; ``settled_mm``: the largest mean error from ten sets after a bump on.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ BUMPED_DEG, HAND_SHARE, RAIN_SHARE, SENSOR_NOISE = 0.5, 0.8, 0.3, 3.0
 TROUBLES = ("frozen", "bumped", "defocused", "covered", "noisy", "upside_down")
 """What happens to one camera, which is to be named."""
 NAMED_LATE = ("bumped", "covered")  # by what agrees less for long; by a detector, after a second
+SETTLED_SETS = 10  # after the change, from which on a camera that was bumped is known
 ALONE = "_contours"
 
 
@@ -203,8 +204,10 @@ def judged(scene: Scene, run: list[TrackEstimate], camera: str, since: int = BEF
     named_in = [k - since for k in changed if camera in {fault.camera for fault in run[k].faults}]
     others = {fault.camera for k in changed for fault in run[k].faults} - {camera}
     worst = max(errors.mean() for errors in off)
+    settled = max((errors.mean() for errors in off[SETTLED_SETS:]), default=0.0)
     return {"lost": sum(lost), "unsaid": sum(a and not b for a, b in zip(lost, said, strict=True)), "turned": turned,
-            "worst_mm": float(worst), "named": float(named_in[0]) if named_in else np.inf, "others": len(others)}  # fmt: skip
+            "worst_mm": float(worst), "settled_mm": float(settled), "named": float(named_in[0]) if named_in else np.inf,
+            "others": len(others)}  # fmt: skip
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -250,6 +253,8 @@ def add(figures: dict[str, float | int], scene: Scene, name: str, found: dict[st
             figures[f"{owner}.{counted}"] = figures.get(f"{owner}.{counted}", 0) + int(found[key])
         figures[f"{owner}.error_mm"] = max(figures.get(f"{owner}.error_mm", 0.0), found["worst_mm"])
         figures[f"{owner}.others_named"] = figures.get(f"{owner}.others_named", 0) + int(found["others"])
+        if name == "bumped":
+            figures[f"{owner}.settled_mm"] = max(figures.get(f"{owner}.settled_mm", 0.0), found["settled_mm"])
         if name in TROUBLES:
             figures[f"{owner}.named_sets"] = max(figures.get(f"{owner}.named_sets", 0.0), found["named"])
 

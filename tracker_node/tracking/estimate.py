@@ -43,7 +43,7 @@ class LimbStatus(IntEnum):
 
 
 TURNED, DELAYED, FROZEN = "turned", "delayed", "frozen"
-BLIND, DEFOCUSED, NOISY = "blind", "defocused", "noisy"
+BLIND, DEFOCUSED, NOISY, BUMPED = "blind", "defocused", "noisy", "bumped"
 """Kinds of faults of a camera."""
 
 PX, GRAY_LEVELS = "px", "gray levels"
@@ -87,7 +87,8 @@ class CameraFault:
 
     ``kind`` is `TURNED` (``size`` and ``sigma`` in radians: since the calibration, about its center), `DELAYED` (seconds by which
     its images are later than their stamps say; negative: earlier), `FROZEN` (seconds for which it has repeated its image),
-    `BLIND`, `DEFOCUSED` or `NOISY` (what it finds of the body's outline, in shares of what is usual).
+    `BLIND`, `DEFOCUSED` or `NOISY` (what it finds of the body's outline, in shares of what is usual), `BUMPED` (radians: all that
+    stands still in its picture has turned, since the start).
     ``rivals`` are cameras of which it might as well be one.
     """
 
@@ -102,8 +103,10 @@ class CameraFault:
     def text(self) -> str:
         """For people."""
         who = " or ".join((self.camera, *self.rivals))
+        turn = f"{np.degrees(self.size):.1f} degrees (+- {np.degrees(self.sigma):.1f})"
+        if self.kind == BUMPED:
+            return f"{who} has been bumped: its picture of the room has turned by {turn} since the start, and is turned back"
         if self.kind == TURNED:
-            turn = f"{np.degrees(self.size):.1f} degrees (+- {np.degrees(self.sigma):.1f})"
             return f"{who} is turned by {turn} from where its calibration has it"
         if self.kind == FROZEN:
             return f"{who} repeats its image of {1e3 * self.size:.0f} ms ago; it is left out"

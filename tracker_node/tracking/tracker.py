@@ -24,14 +24,12 @@ from ..optimize.levenberg_marquardt import clip_to_limits
 from ..parallel import Workers
 from ..render.occluders import Occluders
 from .assessment import Assessment, Report
-from .cameras.blinded import BlindedCameras
-from .cameras.frozen import FrozenCameras
-from .cameras.self_check import SelfCheck, SelfCheckOptions
+from .cameras.trust import CameraTrust
 from .config import GEOMETRIC, KEYPOINTS, TrackerConfig, checked_combination
 from .constraints import given_sigmas
 from .engine import AnyEngine
 from .engines import make_engine
-from .estimate import CameraFault, LimbStatus, Status, Timings, TrackEstimate
+from .estimate import LimbStatus, Status, Timings, TrackEstimate
 from .initialization.detector import body_size
 from .initialization.initializer import NOT_GIVEN, Initializer
 from .keypoints.crops import crops_of
@@ -141,10 +139,8 @@ class Tracker:
                 rig, model, config.initialization, backgrounds, Workers(config.threads), engine,
                 lambda: Tracker(rig, model, follower, backgrounds, None, shared, keypoints),
             )  # fmt: skip
-        self._check, self._frozen = SelfCheck(rig, model, _check_options(config)), FrozenCameras(rig, model)
-        self._blinded, self._exposures = BlindedCameras(rig.names), Exposures(len(rig))
+        self._trust, self._exposures = CameraTrust(rig, model, config), Exposures(len(rig))
         self._late = LatePoints(rig, model, keypoints) if KEYPOINTS in config.modalities else None
-        self._left_out: list[str] = []  # cameras whose images are not trusted
         self._near: np.ndarray | None = None  # where, of several people, the body is wanted
         self._lesson: _Lesson | None = None  # of the latest image set, not learned yet
         self._restart(initial_state)
@@ -163,9 +159,7 @@ class Tracker:
         """Back to the initial state, with nothing learned."""
         self._lesson = None
         self._track.engine.reset()
-        self._check.reset()
-        self._frozen.reset()
-        self._blinded.reset()
+        self._trust.reset()
         self._exposures.reset()
         if self._initializer is not None:
             self._initializer.reset()
@@ -196,7 +190,7 @@ class Tracker:
     def _restart(self, state: State | None) -> None:
         self.learn()
         self._track = _Track(self._track.engine, MotionModel(self.model.chain, self.config.motion), state)
-        self._check.skip()  # how it got there is no velocity
+        self._trust.skip()
         if self._late is not None:
             self._late.reset()
         if self._initializer is not None:
@@ -249,11 +243,11 @@ class Tracker:
                 track.unproven = None
                 return None
         self._track = replace(other._track, turned=self._turned_otherwise(np.inf))
-        self._check.skip()
+        self._trust.skip()
         self._late = other._late
         if self._track.turned and estimate.status is Status.TRACKING:
             estimate = replace(estimate, status=Status.DEGRADED, status_reason=self._track.turned)
-        return replace(estimate, faults=self._faults)
+        return replace(estimate, faults=self._trust.faults)
 
     def _supported(self, images: Images, states: list[State]) -> list[State]:
         """Where a LOST body may be: what was learned while it was tracked speaks for that, and more than for where it is taken to
@@ -350,7 +344,7 @@ class Tracker:
         lesson, self._lesson = self._lesson, None
         if lesson is not None:
             self._take_in(lesson)
-            self._compare_cameras(lesson)
+            self._trust.compare(lesson.stamp_ns, lesson.fit, lesson.assessment)
 
     def estimate(self, image_set: ImageSet) -> TrackEstimate:
         """Estimate the state for one image set; what it has to teach is left for `learn`, or for the next set.
@@ -359,7 +353,7 @@ class Tracker:
         """
         began = time.perf_counter()
         self.learn()
-        image_set, images = self._in_first_light(self._trusted(image_set))
+        image_set, images = self._in_first_light(self._trust.trusted(image_set, self._track.start, bool(self._track.lost)))
         people: PeopleSeen = ()
         if self._late is not None:
             self._go_back(self._late.since(image_set))
@@ -403,7 +397,7 @@ class Tracker:
             velocity_covariance=track.motion.velocity_covariance,
             information=alone,
             innovation=innovation,
-            faults=self._faults,
+            faults=self._trust.faults,
             limbs=assessment.limbs,
             surfaces=engine.surfaces,
         )
@@ -538,52 +532,14 @@ class Tracker:
         self._late.add(PastSet(image_set, past.people, before))
 
     def _with_left_out(self, reason: str) -> str:
-        return f"{reason}: {', '.join(self._left_out)} left out" if reason and self._left_out else reason
-
-    @property
-    def _faults(self) -> tuple[CameraFault, ...]:
-        """Of cameras that repeat an image, show the body no longer, or that the others contradict."""
-        blinded = {fault.camera for fault in self._blinded.faults}
-        contradicted = tuple(fault for fault in self._check.faults if fault.camera not in blinded)
-        return self._frozen.faults + self._blinded.faults + contradicted
+        left_out = self._trust.left_out
+        return f"{reason}: {', '.join(left_out)} left out" if reason and left_out else reason
 
     def _take_in(self, lesson: _Lesson) -> None:
         """Learn from the images of cameras that show the body."""
-        images = self._without_blinded(lesson.stamp_ns, lesson.images, lesson.assessment)
+        images = self._trust.look(lesson.stamp_ns, lesson.images, lesson.fit, lesson.assessment)
         if lesson.assessment.status is not Status.LOST:
             self._track.engine.learn(images, lesson.fit.state)
-
-    def _compare_cameras(self, lesson: _Lesson) -> None:
-        """Look for cameras that disagree with the others, by this set and those before."""
-        if not self.config.self_check.enabled:
-            return
-        fit, assessment = lesson.fit, lesson.assessment
-        usable = assessment.status in (Status.TRACKING, Status.DEGRADED) and not assessment.jumped and not self._blinded.blind
-        if fit.comparison is None or not usable:
-            self._check.skip()
-        else:
-            self._check.add(lesson.stamp_ns, fit.comparison)
-
-    def _without_blinded(self, stamp_ns: int, images: Images, assessment: Assessment) -> Images:
-        """The images that may be learned from: without those of cameras that show the body no longer."""
-        if self.config.self_check.enabled and assessment.support is not None and assessment.status is not Status.LOST:
-            self._blinded.look(stamp_ns, images, assessment.support, assessment.shown)
-        blind = self._blinded.blind
-        return [None if i in blind else image for i, image in enumerate(images)] if blind else images
-
-    def _trusted(self, image_set: ImageSet) -> ImageSet:
-        """The set without images that were there before while the body has moved on, and those that do not show it."""
-        if not self.config.self_check.enabled:
-            return image_set
-        images = [image_set.get(camera.name) for camera in self.rig]
-        pixels = [None if image is None else image.pixels for image in images]
-        over = self._frozen.look(image_set.stamp_ns, pixels, self._track.start)
-        if self._track.start is not None and not self._track.lost:
-            over = over + self._blinded.left_out
-        self._left_out = [self.rig.names[i] for i in over]
-        if not over:
-            return image_set
-        return replace(image_set, images=tuple(i for i in image_set.images if i.camera not in self._left_out))
 
     def _in_first_light(self, image_set: ImageSet) -> tuple[ImageSet, list[np.ndarray | None]]:
         """The set as it would be in the light of the first one, and its images: who looks at it again sees the same colors."""
@@ -693,9 +649,3 @@ def _fixed(pixels: np.ndarray) -> np.ndarray:
 
 def _nothing_seen(assessment: Assessment) -> bool:
     return bool(assessment.limbs) and all(limb.status is LimbStatus.UNSEEN for limb in assessment.limbs)
-
-
-def _check_options(config: TrackerConfig) -> SelfCheckOptions:
-    check = config.self_check
-    delay_s = check.delay_images * config.synchronizer.image_period_s
-    return SelfCheckOptions(check.window_s, np.radians(check.angle_deg), delay_s, check.sigmas)

@@ -98,7 +98,7 @@ def test_sets_are_counted_that_are_lost_said_or_not_and_turned():
         return SimpleNamespace(state=State.neutral(MODEL, T), status=status, faults=faults)
 
     run = [estimate(k) for k in range(N)]
-    nothing = {"lost": 0, "unsaid": 0, "turned": 0, "worst_mm": 0.0, "named": np.inf, "others": 0}
+    nothing = {"lost": 0, "unsaid": 0, "turned": 0, "worst_mm": 0.0, "settled_mm": 0.0, "named": np.inf, "others": 0}
     assert judged(scene(), run, RIG.names[1]) == nothing
     run[3] = estimate(3, 1.0)  # before the change: not counted
     run[BEFORE + 4] = estimate(BEFORE + 4, 0.03, Status.TRACKING, False, RIG.names[1])
@@ -106,4 +106,5 @@ def test_sets_are_counted_that_are_lost_said_or_not_and_turned():
     run[BEFORE + 6] = estimate(BEFORE + 6, 0.01, Status.LOST)
     run[BEFORE + 7] = estimate(BEFORE + 7, turned=True)
     found = judged(scene(), run, RIG.names[1])
-    assert found == {"lost": 2, "unsaid": 1, "turned": 1, "worst_mm": pytest.approx(30.0), "named": 4.0, "others": 1}
+    assert found == {"lost": 2, "unsaid": 1, "turned": 1, "worst_mm": pytest.approx(30.0), "settled_mm": 0.0,
+                     "named": 4.0, "others": 1}  # fmt: skip

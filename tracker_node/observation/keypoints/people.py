@@ -68,6 +68,32 @@ _FAR_PX = 1e6  # no point is farther from the image than this
 _FAR_M = 1e3  # nor one of a skeleton from the others
 
 
+def moved_in_image(person: Person, affine: np.ndarray, size: tuple[int, int]) -> Person:
+    """The person elsewhere in the image.
+
+    Parameters
+    ----------
+    person : as found.
+    affine : (2, 3) from where a pixel is to where it shall be; hardly turned.
+    size : (width, height) of the image.
+
+    Returns
+    -------
+    With a silhouette moved by whole pixels, without what is no longer in the image.
+    """
+    corners = np.array(person.box).reshape(2, 2) @ affine[:, :2].T + affine[:, 2]
+    left, top, right, bottom = corners.ravel().tolist()
+    pixels, silhouette = person.pixels @ affine[:, :2].T + affine[:, 2], person.silhouette
+    if silhouette is not None:
+        reach = np.array(silhouette.probabilities.shape[::-1])
+        middle = np.add(silhouette.origin, 0.5 * (reach - 1))
+        origin = np.add(silhouette.origin, np.rint(affine[:, :2] @ middle + affine[:, 2] - middle)).astype(int)
+        first, last = np.clip([-origin, np.array(size) - origin], 0, reach)
+        inside = silhouette.probabilities[first[1] : last[1], first[0] : last[0]]
+        silhouette = Silhouette(inside, (int(origin[0] + first[0]), int(origin[1] + first[1]))) if inside.size else None
+    return replace(person, pixels=pixels, box=(left, top, right, bottom), silhouette=silhouette)
+
+
 def rearranged(person: Person, rows: Sequence[int]) -> Person:
     """The person with other points under its names, such as those of the other side.
 

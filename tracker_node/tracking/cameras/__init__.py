@@ -1,5 +1,5 @@
 """Cameras that are not to be trusted, told while tracking.
 
-Begin with `self_check`, which names those whose contours contradict the others'. `frozen` leaves out those that repeat an image,
-`blinded` those that do not show the body.
+Begin with `trust`, which leaves them out. `frozen` knows those that repeat an image, `blinded` those that do not show the body,
+`bumped` those whose picture of the room has turned; `self_check` names those whose contours contradict the others'.
 """
