@@ -360,7 +360,8 @@ class Tracker:
             people = self._late.in_time(image_set)
         if self._initializer is not None:
             self._begin_where_found(people)
-            found = self._reinitialized(self._initializer, images, image_set)
+            by_points = self.config.modalities == (KEYPOINTS,)  # which tell poses apart by people alone
+            found = None if by_points else self._reinitialized(self._initializer, images, image_set)
             if found is not None:
                 return replace(found, timings=replace(found.timings, total_ms=1e3 * (time.perf_counter() - began)))
         track, engine, step = self._track, self._track.engine, self._stepped(image_set, images, people)

@@ -14,7 +14,7 @@ from .modality import KeypointModality, rows_of
 from .people_groups import mirrored
 from .start import PointStart
 
-_EXPECTED_M = 0.10  # how far from where they are expected points are, as a standard deviation
+_EXPECTED_M = 0.10  # how far from where they are expected points of a person are, as a standard deviation
 _OUTLIER = 0.15  # fraction of points that are anywhere
 _LEAST = 2.0  # log-likelihood ratio, a point that is sure, of the body against anybody
 _SWAP_PRIOR = -2.0  # log odds of a swap before anything has been seen, a person
@@ -23,7 +23,7 @@ _SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from 
 # detector being right, which swaps of up to sixty images outweigh
 _SURE_JUMP, _RIGHT = 30.0, 0.5
 _ALONE_SETS = 5  # after which nothing is left of what several cameras said of swaps
-# Left and right of single joints: standard deviation of points of the body around where they are expected; from how many of them
+# Left and right of single joints: standard deviation of points of a person around where they are expected; from how many of them
 # costs grow linearly; log-likelihood ratio from which a joint is exchanged, as one in fifty images has it
 _PAIR_M, _PAIR_FAR, _PAIR_LEAST = 0.05, 3.0, 4.0
 
@@ -133,10 +133,11 @@ class PersonChoice(Choice):
         return rearranged(person, rows.tolist())
 
     def _sigma_px(self, i: int, places: np.ndarray, sigma_m: float) -> float:
-        """Pixels of a length at the body's distance from a camera."""
+        """Pixels of a length, that of a person, at the body's distance from a camera."""
         camera = self._rig.cameras[i]
         depth = float(np.median((places - camera.center) @ camera.T_world_cam[:3, 2]))
-        return sigma_m * float(camera.model.K[0, 0]) / max(depth, 0.1)
+        size = self._modality.size
+        return sigma_m * size * float(camera.model.K[0, 0]) / max(depth, 0.1 * size)
 
     def _chosen(self, i: int, persons: tuple[Person, ...], places: np.ndarray) -> Person | None:
         """Who is the body in a camera."""

@@ -31,7 +31,7 @@ _PATIENCE_SETS = 5  # ...of so many of them
 _SURE_ALONE = 0.9  # score of a person whom no other camera confirms, below which the next image sets may do so
 _MOST_GROUPS = 4  # people who are tried
 _LEAST_SEEN = 0.5  # fraction of the cameras of the one whom most see: a passer-by hides the body from some
-_LEAST_APART_M = 0.3  # roots of two people
+_LEAST_APART_M = 0.3  # roots of two people, or of other bodies by their size
 _LEAST_INLIERS = 0.5  # fraction of the points that have to be no outliers
 _AGREE = 0.8  # mean probability of a camera's points to be no outliers, below which its left may be its right
 _REACHED = 0.99  # the same of a limb's points, from which it is where they are
@@ -118,8 +118,9 @@ class PointStart:
     def _suitable(self, tried: Iterable[tuple[State, float] | None], near: np.ndarray | None) -> list[tuple[State, float]]:
         """Those that the body suits, each once; the nearest first."""
         found: list[tuple[State, float]] = []
+        least_m = _LEAST_APART_M * self._fitting.modality.size
         for each in tried:  # who is found twice in an image is in two groups: more cameras see the first
-            if each is not None and all(_apart_m(each[0], other) > _LEAST_APART_M for other, _ in found):
+            if each is not None and all(_apart_m(each[0], other) > least_m for other, _ in found):
                 found.append(each)
         least = max(min((cost for _, cost in found), default=0.0), _PERFECT)
         suits, place = [each for each in found if each[1] <= _SUITS * least], self._focus if near is None else near
