@@ -164,6 +164,15 @@ def test_the_shift_is_in_pixels_of_the_camera():
     assert recording.view_shifts[0].px == pytest.approx(36.0, abs=1.5)
 
 
+def test_who_walks_before_a_plain_wall_is_not_the_background():
+    recording = CameraRecording("cam01", 2, 4.0)
+    for left in (100, 190):
+        image = flat(90, 480, 640)
+        image[100:400, left : left + 150] = textured()[100:400, :150]
+        recording.add(left, image)
+    assert recording.view_shifts == []
+
+
 def test_a_view_with_nothing_in_it_says_nothing():
     empty = flat(90, 480, 640)
     for first, second in ((empty, textured()), (textured(), empty), (textured(), textured(seed=8))):

@@ -29,6 +29,7 @@ _COMB_PAIRS = 24  # successive images that are examined for a comb
 _LEAST_MATCHES = 25
 _INLIER_PX = 3.0  # of the images in which the background is matched
 _LEAST_SHARE = 0.35  # of the matches that must agree on how the view has moved
+_LEAST_SPREAD = 0.25  # of the image's area, that these span: before a plain wall most features are on who moves
 _LOOKS = 24  # images of a camera in which people are looked for
 
 
@@ -192,9 +193,13 @@ class _View:
         before = np.array([self._points[m.queryIdx] for m in matches])
         now = np.array([points[m.trainIdx] for m in matches])
         moved, inliers = cv2.estimateAffinePartial2D(before, now, ransacReprojThreshold=_INLIER_PX)
-        if moved is None or inliers.mean() < _LEAST_SHARE:
+        agree = np.ravel(inliers) > 0
+        if moved is None or agree.mean() < _LEAST_SHARE:
             return None
-        return float(np.median(np.linalg.norm((now - before)[inliers.ravel() > 0], axis=1)) * self._scale)
+        spread = cv2.contourArea(cv2.convexHull(before[agree])) * self._scale**2
+        if spread < _LEAST_SPREAD * self._shape[0] * self._shape[1]:
+            return None
+        return float(np.median(np.linalg.norm((now - before)[agree], axis=1)) * self._scale)
 
     def _features(self, gray: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         keypoints, descriptors = self._orb.detectAndCompute(_shrunk(gray, _VIEW_PX), None)
