@@ -7,7 +7,7 @@ import pytest
 
 from helpers.studio.small_studio import Recording, assert_same_bits, changed, recording
 from tracker_node.camera.rig import CameraRig
-from tracker_node.errors import CalibrationError
+from tracker_node.errors import CalibrationError, ModelError
 from tracker_node.model.configuration import State
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.tracking.config import TrackerConfig, from_dict
@@ -291,3 +291,8 @@ def test_the_covariance_is_one_and_shrinks_with_cameras(clip, tracked):
     assert deviations[0] > 1.3 * deviations[1] > 1.3**2 * deviations[2] > 0.0
     errors = np.array([e.state.T_world_root[:3, 3] - s.T_world_root[:3, 3] for e, s in zip(tracked, clip.states, strict=True)])
     assert np.linalg.norm(errors, axis=1).max() < 6.0 * deviations[2]
+
+
+def test_a_body_without_shapes_is_refused(clip):
+    with pytest.raises(ModelError, match="has no shapes, and nothing of it is seen"):
+        Tracker(clip.rig, replace(clip.model, shapes=()), TrackerConfig())

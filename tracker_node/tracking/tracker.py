@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ..camera.rig import CameraRig, check_metres
-from ..errors import CalibrationError, TrackerError
+from ..errors import CalibrationError, ModelError, TrackerError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Neighbor, State, configured
 from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
@@ -106,7 +106,7 @@ class Tracker:
 
     Raises
     ------
-    TrackerError : the positions of the cameras are in millimeters or centimeters.
+    TrackerError : the positions of the cameras are in millimeters or centimeters; the body has no shapes.
     CalibrationError : from `step`, when an image does not have the size that its camera was calibrated for, or no colors where
         the modalities need them.
     """
@@ -121,6 +121,8 @@ class Tracker:
         occluders: ArticulatedModel | Occluders | None = None,
         keypoints: KeypointTable | None = None,
     ):
+        if not model.shapes:
+            raise ModelError(f"'{model.name}' has no shapes, and nothing of it is seen: expected at least one")
         check_metres(rig.cameras, body_size(model))
         self.rig, self.model = rig, model
         self.config = config = checked_combination(config or TrackerConfig(), "tracker config")

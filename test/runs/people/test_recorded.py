@@ -13,7 +13,7 @@ from helpers.sources import point_files as files
 from tracker_node.api.functions import track
 from tracker_node.api.recording import Recording
 from tracker_node.cli.main import main
-from tracker_node.errors import TrackerError
+from tracker_node.errors import FileFormatError, TrackerError
 from tracker_node.loaders.images.source import SourceOptions
 from tracker_node.loaders.keypoints.files import BODY_25B
 from tracker_node.loaders.motion.trajectory_file import read_joints
@@ -109,6 +109,10 @@ def test_in_python_with_a_table_of_a_machine(tmp_path: Path) -> None:
         files.write_deeplabcut_csv(tmp_path / f"{camera}DLC_x.csv", points_of(clip, camera, names, table), names)
     keypoints = tmp_path / "keypoints.yaml"
     keypoints.write_text("points:\n" + "".join(f"  {name}: {{landmark: {name}, sigma: 0.01}}\n" for name in table))
+    misspelt = tmp_path / "misspelt.yaml"
+    misspelt.write_text(keypoints.read_text().replace("  elbow:", "  elbwo:").replace("  wrist:", "  hand:"))
+    with pytest.raises(FileFormatError, match=r"field 'points.elbwo': expected a point of the files, such as 'elbow', got 'elbwo'"):
+        open_recorded_people(PointFiles(tmp_path, misspelt), clip.model, load_rig(clip.rig_file), load_rig(clip.rig_file), {})
     recording = Recording(
         load_rig(clip.rig_file), clip.model, from_dict({"modalities": ["region", "keypoints"], "threads": 2}), clip.states[0],
         points=PointFiles(tmp_path, keypoints),

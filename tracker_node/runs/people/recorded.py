@@ -6,8 +6,9 @@ Points of people in a bag, by the images that they were found in.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import lz4.frame
 import numpy as np
 
 from ...camera.rig import CameraRig
-from ...errors import TrackerError
+from ...errors import FileFormatError, TrackerError
 from ...loaders.bag.message_types import KEYPOINTS, stamp_ns_of
 from ...loaders.bag.reader import BagMessage, BagReader
 from ...loaders.keypoints.camera_people import CameraPeople, PointsByCamera, match_files
@@ -157,12 +158,24 @@ def open_recorded_people(
     known = next((people.names for people in points.values() if people.names), ())
     if not known:
         raise TrackerError(f"{files.path}: nobody in any image")
-    table = load_keypoint_table(files.table, model) if files.table is not None else table_of(known)
+    if files.table is None:
+        table = table_of(known)
+    else:
+        table = load_keypoint_table(files.table, model)
+        _check_spelling(files.table, table, known)
     usable = [name for name, point in table.items() if name in known and point.landmark in model.landmark_names]
     if not usable:
         told = f"the table has {', '.join(sorted(table)[:6])}, the files {', '.join(sorted(known)[:6])}"
         raise TrackerError(f"{files.path}: no point that {model.name} has a landmark for: {told}")
     return RecordedPeople(points, table, rig, delivered, numbers, files.first)
+
+
+def _check_spelling(file: Path, table: KeypointTable, known: Sequence[str]) -> None:
+    """Refuse a point that no file has, where it is nearly one that the table leaves out."""
+    left_out = [name for name in known if name not in table]
+    for name in (name for name in table if name not in known):
+        if near := get_close_matches(name, left_out, n=1, cutoff=0.8):
+            raise FileFormatError(file, f"points.{name}", f"a point of the files, such as '{near[0]}'", name)
 
 
 def _padded(person: Person, table: KeypointTable) -> Person:
