@@ -75,8 +75,9 @@ def mirrored_states(human: ArticulatedModel, seed: int) -> tuple[State, State]:
     state = State(np.eye(4), random_state(human, np.random.default_rng(seed)).joint_positions)
     mirrored = State(np.eye(4), state.joint_positions.copy())
     for i, axis in enumerate(human.chain.axes):
-        sign = -1.0 if axis.name.endswith(("bend_right", "turn_left")) else 1.0
-        mirrored.joint_positions[human.chain.axis_index(mirrored_name(axis.name))] = sign * state.joint_positions[i]
+        central = axis.name.endswith(("bend_right", "turn_left"))
+        twin = axis.name if central else mirrored_name(axis.name)
+        mirrored.joint_positions[human.chain.axis_index(twin)] = (-1.0 if central else 1.0) * state.joint_positions[i]
     return state, mirrored
 
 

@@ -20,10 +20,8 @@ HUMAN = human_model()
 POINTS = tuple(name for name in NAMES if name in BLAZEPOSE and BLAZEPOSE[name].landmark in HUMAN.landmark_names)
 """Those of the detector's points that the human has, in the detector's order."""
 ROWS = [NAMES.index(name) for name in POINTS]
-_MIRRORED = [
-    NAMES.index(n.replace("left", "?").replace("right", "left").replace("?", "right")) if n.startswith(("left_", "right_")) else i
-    for i, n in enumerate(NAMES)
-]
+_SIDES = str.maketrans({"<": "right", ">": "left"})
+_MIRRORED = [NAMES.index(name.replace("left", "<").replace("right", ">").translate(_SIDES)) for name in NAMES]
 
 
 def standing(x: float = 0.0, y: float = 0.0, turned: float = 0.0, model: ArticulatedModel = HUMAN, **degrees: float) -> State:

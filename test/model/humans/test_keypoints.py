@@ -87,3 +87,20 @@ def joint_knee(body: ArticulatedModel, offset: float = 0.0) -> float:
 def marked_knee(body: ArticulatedModel) -> float:
     """The same of the detector's point."""
     return joint_knee(body, float(expected_offsets(body, [BLAZEPOSE["left_knee"]])[0, 2]))
+
+
+PAIRS = (
+    "left_knee right_knee", "front_paw_L front_paw_R", "paw_left paw_right", "L-ear R-ear", "l.eye r.eye", "leftPaw rightPaw",
+    "LKnee RKnee", "earLeft earRight", "pawL pawR",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_the_other_side_is_found_as_programs_name_it(pair):
+    name, twin = pair.split()
+    assert mirrored_name(name) == twin and mirrored_name(twin) == name
+
+
+@pytest.mark.parametrize("name", ["nose", "tail_tip", "rump", "l5", "vertebra_l5", "bright", "LED", "Rump", "earlobe", "BALL"])
+def test_names_without_a_side_stay(name):
+    assert mirrored_name(name) == name

@@ -8,6 +8,7 @@ Gordon et al. (1989), *1988 Anthropometric Survey of U.S. Army Personnel* (mean 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -147,12 +148,22 @@ def landmark_of_marker(marker: str) -> str:
     return LANDMARK_OF_MARKER.get(marker, marker)
 
 
+# The side in a name: left_knee, knee_L, knee.right; or leftKnee, LKnee, kneeLeft
+_SIDE = re.compile(
+    r"(?<![^_\-. ])(?i:left|right|l|r)(?![^_\-. ])|^(?:left|right|Left|Right|l|r|L|R)(?=[A-Z][a-z])|(?<=[a-z])(?:Left|Right|L|R)$"
+)
+_OTHER_SIDE = {"left": "right", "right": "left", "l": "r", "r": "l"}
+
+
 def mirrored_name(name: str) -> str:
-    """The same part or point of the other side: ``left_knee`` for ``right_knee``; names without a side stay."""
-    for side, other in (("left_", "right_"), ("right_", "left_")):
-        if name.startswith(side):
-            return other + name.removeprefix(side)
-    return name
+    """The same part or point of the other side: ``left_knee`` for ``right_knee``, ``paw_R`` for ``paw_L``; others stay."""
+    found = _SIDE.search(name)
+    if found is None:
+        return name
+    side = found.group()
+    other = _OTHER_SIDE[side.lower()]
+    other = other.upper() if side.isupper() else other.capitalize() if side[0].isupper() else other
+    return name[: found.start()] + other + name[found.end() :]
 
 
 def mirrored_rows(names: Sequence[str]) -> tuple[int, ...]:
