@@ -111,7 +111,7 @@ def test_in_python_with_a_table_of_a_machine(tmp_path: Path) -> None:
     keypoints.write_text("points:\n" + "".join(f"  {name}: {{landmark: {name}, sigma: 0.01}}\n" for name in table))
     misspelt = tmp_path / "misspelt.yaml"
     misspelt.write_text(keypoints.read_text().replace("  elbow:", "  elbwo:"))
-    with pytest.raises(FileFormatError, match="field 'points.elbwo': expected a point of the files, such as 'elbow', got 'elbwo'"):
+    with pytest.raises(FileFormatError, match=r"points.elbwo': expected a point of the files, such as 'elbow', got 'elbwo'"):
         open_recorded_people(PointFiles(tmp_path, misspelt), clip.model, load_rig(clip.rig_file), load_rig(clip.rig_file), {})
     recording = Recording(
         load_rig(clip.rig_file), clip.model, from_dict({"modalities": ["region", "keypoints"], "threads": 2}), clip.states[0],

@@ -1,5 +1,7 @@
 """What fits to lines do not reach: which of them is kept, and when a start is taken as it is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,18 @@ def test_a_lost_body_is_found_where_it_was_last_tracked(tracked):
     assert fit.jumped and np.linalg.norm(off, axis=1).mean() < 0.05
     alone = made.solver._fitting.fit(away, (4.0, 2.0, 1.0), None, fit.model_sigma_px)
     assert np.linalg.norm(alone.state.T_world_root[:3, 3] - TRUE.T_world_root[:3, 3]) > 0.3  # by lines alone it is not
+
+
+def test_a_lost_body_is_not_farther_from_there_than_it_is_long(tracked, monkeypatch):
+    """Lines of a body that has left can make anything of its depth."""
+    made, images = tracked
+    away, farther = at(0.8, 0.6), at(4.0, 0.0)
+    made.judge.limbs.probabilities[:] = 0.9
+    first = made.solver.first
+    monkeypatch.setattr(made.solver, "first", lambda start, *more: replace(first(start, *more), state=farther))
+    monkeypatch.setattr(made.solver, "_close_share", lambda fit: float(fit.state is farther))
+    made.observe(images, away)
+    assert np.linalg.norm(made.fit(away, first=False).state.T_world_root[:3, 3]) < 2.0
 
 
 def test_what_was_learned_while_a_body_was_tracked_speaks_for_where_it_is(tracked):

@@ -22,6 +22,7 @@ from ..engine import Solver
 from ..estimate import Status
 from ..keypoints.fitting import KeypointFitting
 from ..limbs.judge import LimbJudge
+from ..limbs.tree import thing_size
 from ..parameters import numbers
 from ..poses import Poses
 from .area import RegionArea
@@ -126,7 +127,7 @@ class Reacquisition(Solver):
     ):  # fmt: skip
         self._rig, self._model, self._region = rig, model, config.region
         self._judge, self._fitting, self._area = judge, fitting, area
-        self._points = points
+        self._points, self._reach_m = points, thing_size(model)
         self._all_scales = numbers(config.region.scales)
         self._search, self._pace = LimbSearch(model, judge, config.limb_search), _Pace(config.limb_search.interval_sets)
         self._scales = self._all_scales
@@ -378,12 +379,14 @@ class Reacquisition(Solver):
     def _restarted(self, fit: LineFit, tracked: State) -> LineFit:
         """A lost body is searched where it was last tracked, with longer lines; the better of that and ``fit``.
 
+        Lines that lead it farther than it is long show something else, or tell nothing of its depth.
         After two failed searches, it is searched in every few sets only: who is slow loses more.
         """
         if not self._pace.body_due():
             return fit
         again = self.first(tracked, None, fit.model_sigma_px)
-        if self._close_share(again) > self._close_share(fit):
+        moved_m = np.linalg.norm(again.state.T_world_root[:3, 3] - tracked.T_world_root[:3, 3])
+        if moved_m < self._reach_m and self._close_share(again) > self._close_share(fit):
             self._pace.body_found()
             return replace(again, jumped=True)
         return self._fitting.redrawn(fit)
