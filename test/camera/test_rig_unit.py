@@ -30,6 +30,13 @@ def test_all_cameras_in_another_unit_are_refused_with_the_factor(factor, unit, b
     assert "rig check" in str(told.value)
 
 
+def test_a_small_body_tells_millimeters_from_centimeters():
+    """Half a meter between cameras that look at a mouse, or five between such that look at a person."""
+    for factor, size_m, by in ((100, 0.13, "1000"), (100, 1.8, "100"), (2000, 1.8, "1000"), (500, 1.8, "100")):
+        with pytest.raises(TrackerError, match=rf"Divide it by {by}\."):
+            check_metres(cameras([factor] * 3), size_m)
+
+
 def test_one_camera_in_another_unit_is_named():
     found = wrong_unit(cameras([1, 1000, 1]))
     assert found is not None and (found.cameras, found.all_of_them, found.factor) == (("cam2",), False, 1e-3)

@@ -5,6 +5,7 @@ Detection of camera positions in another unit than meters, from the distances be
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -304,6 +305,10 @@ def check_metres(cameras: Sequence[Camera], size_m: float) -> None:
     if wrong is None:
         return
     middle_m = 0.5 * wrong.apart_m
-    largest_px = max(size_m * float(camera.model.K[1, 1]) / middle_m for camera in cameras if camera.name in wrong.cameras)
+    far = (camera.model for camera in cameras if camera.name in wrong.cameras)
+    largest_px, height_px = max((size_m * float(lens.K[1, 1]) / middle_m, lens.height) for lens in far)
     if largest_px < LEAST_PX:
+        # The unit in which the body is nearest to half as large as an image
+        factor = min((1e-2, 1e-3), key=lambda factor: abs(math.log(2.0 * largest_px / (factor * height_px))))
+        wrong = replace(wrong, factor=factor)
         raise TrackerError(f"rig: {wrong.sentence} (tracker_node rig check looks for other faults, too)")
