@@ -51,7 +51,7 @@ class CameraTrust:
         self._blinded.reset()
         self._bumped.reset()
         self.left_out: list[str] = []
-        self._shown: Images = [None] * len(self._rig)
+        self._shown: tuple[int, Images] | None = None
 
     def skip(self) -> None:
         """The body is somewhere else now: how it got there is no velocity."""
@@ -81,8 +81,9 @@ class CameraTrust:
         if not self._enabled:
             return image_set
         images = [image_set.get(camera.name) for camera in self._rig]
-        self._shown = [None if image is None else image.pixels for image in images]
-        over = set(self._frozen.look(image_set.stamp_ns, self._shown, state))
+        shown = [None if image is None else image.pixels for image in images]
+        self._shown = image_set.stamp_ns, shown
+        over = set(self._frozen.look(image_set.stamp_ns, shown, state))
         if state is not None and not lost:
             over.update(self._blinded.left_out)
         without = over.union(self._bumped.far_off)
@@ -106,7 +107,9 @@ class CameraTrust:
         The images that may be learned from: without those of cameras that show the body no longer.
         """
         if self._enabled:
-            self._bumped.look(stamp_ns, self._shown, fit.state)
+            if self._shown is not None and self._shown[0] == stamp_ns:  # not one that is gone through again
+                self._bumped.look(*self._shown, fit.state)
+                self._shown = None
             if assessment.support is not None and assessment.status is not Status.LOST:
                 self._blinded.look(stamp_ns, images, assessment.support, assessment.shown)
         blind = self._blinded.blind
