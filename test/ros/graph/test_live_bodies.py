@@ -14,6 +14,7 @@ from helpers.ros.processes import Process
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.images import stamp_ns_of
 from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.runs.load import load_run
 
 N = 5
 
@@ -46,6 +47,9 @@ def test_live_states_of_all_bodies_are_those_of_an_offline_run(two_people, tmp_p
         assert [list(message.names) for message in together] == [list(MODELS)] * N
         said = json.loads((tmp_path / "live/run.json").read_text())["bodies"]
         assert list(said) == list(MODELS) and {each["image_sets"] for each in said.values()} == {N}
+        found = load_run(tmp_path / "live" / name)
+        np.testing.assert_array_equal(found.values, [message.values for message in before])
+        assert main(["export", str(tmp_path / "live" / name), "--output", str(tmp_path / f"{name}.trc")]) == 0
         assert [int(message.status[1]) for message in together] == [message.status for message in before]
         topics = set(live.topics)
     assert not {"/tracker/state", "/robot_description"} & topics

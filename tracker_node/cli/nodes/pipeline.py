@@ -93,9 +93,9 @@ def run(args: argparse.Namespace) -> int:
     asked = {name: value for name, value in named_options(args).items() if name != "bag"}  # images come from no bag
     named = tuple(recording.bodies) if recording is not None else ()
     joining = () if recording is None or recording.joining is None else recording.joining.names
-    bodies = (*named, *joining)
     options = PipelineOptions(
-        bodies=bodies,
+        bodies={} if recording is None else {name: str(Path(file).resolve()) for name, file in recording.models.items()},
+        joining=joining,
         body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
         modalities=() if _chosen_by_ros(args) else config.modalities,
         source=_source_options(args),
