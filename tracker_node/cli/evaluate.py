@@ -106,9 +106,11 @@ def _compare_days(args: argparse.Namespace) -> int:
     names, folder = names_of(args.runs, args.name), output_folder(args.output, args.runs)
     days, cutoff = [], _cutoff_of(args.filter or _DAYS_HZ)
     for path, name, model in zip(args.runs, names, one_each(args.runs, args.model, "--model"), strict=True):
-        reviews = []
-        for run in runs_in(path):
-            files = RunFiles(str(run), model, pictures=0, options=EvaluationOptions(run.name, cutoff_hz=cutoff))
+        reviews, runs = [], runs_in(path)
+        alike = len({run.name for run in runs}) < len(runs)  # of one body of several trials
+        for run in runs:
+            compared = EvaluationOptions(f"{run.parent.name}_{run.name}" if alike else run.name, cutoff_hz=cutoff)
+            files = RunFiles(str(run), model, pictures=0, options=compared)
             reviews.append(review_run(files, _say))
         days.append(Day(name, reviews))
     metrics = days_metrics(days)
