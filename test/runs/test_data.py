@@ -118,6 +118,10 @@ def test_the_folder_of_one_of_several_bodies_leads_to_its_states_in_their_bag(tm
     assert is_run(folder) and len(found) == 3 and found.cameras == ("cam01", "cam02")
     assert found.bag == bag_of_run(folder) == tmp_path / "run/bag"
     assert file_of(found.info, "model") == "anna.yaml"
+    (tmp_path / "run/run.json").write_text('{"bodies": {"person": {}, "anna": {}}}')
+    with pytest.raises(FileFormatError, match=r"the folder of one body: \S*/run/anna, got 'that of several'"):
+        load_run(tmp_path / "run")
+    assert len(load_run(tmp_path / "run", "/person/state")) == 3
     (folder / "run.json").write_text("{}")
     with pytest.raises(FileFormatError, match=r"states\.csv"):
         load_run(folder)

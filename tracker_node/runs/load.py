@@ -54,6 +54,9 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
             run = _with_covariances(replace(run, path=path), read_covariances(path / COVARIANCES))
         run = replace(run, path=path)
     elif bag is not None:
+        folders = [str(path / name) for name in info.get("bodies") or () if topic is None and (path / name / SUMMARY).is_file()]
+        if folders:
+            raise FileFormatError(path, "(path)", f"the folder of one body: {', '.join(folders)}", "that of several")
         run = _from_bag(bag, topic)
     else:
         raise FileFormatError(path, "(path)", f"a folder with {STATES} or {BAG}/, or a bag", "neither")
