@@ -148,13 +148,16 @@ def _untracked(asked: Mapping[str, tuple[argparse.Namespace, Any]], of_bodies: M
 
 def _evaluations(args: argparse.Namespace, recording: RecordingFile) -> list[list[str]]:
     """A command line of ``evaluate`` for each body that is compared with something."""
+    from ...runs.writer import BAG
+
     found = []
     for name, (own, alone) in by_body(args, recording).items():
         assert alone is not None
         output = args.output or args.bag.parent
-        arguments = evaluation_of(alone, own, {"": args.bag}, output / name)
-        if arguments:
-            found.append([*arguments, *(["--topic", f"/tracker/{name}/state", "--model", str(own.model)] if name else [])])
+        folder = args.bag.parent if name and args.bag.name == BAG else None  # leads to states and clothes
+        arguments = evaluation_of(alone, own, {"": folder / name if folder else args.bag}, output / name)
+        named = ["--topic", f"/tracker/{name}/state", "--model", str(own.model)] if name and folder is None else []
+        found += [[*arguments, *named]] if arguments else []
     return found
 
 
