@@ -139,9 +139,13 @@ def without_password(text: str) -> str:
 
 
 def shown(value: object) -> str:
-    """A value in a message: the beginning of a long one, and its end too where it is text, which may be a reason."""
+    """A value in a message: the beginning of a long one, and its end too where it is text, which may be a reason.
+
+    A part of a file is shown by its fields.
+    """
     try:
-        text = without_password(repr(value))
+        fields = getattr(value, "model_dump", None)
+        text = without_password(repr(value if fields is None else fields(mode="json", exclude_unset=True)))
         return _cut_in_the_middle(text, _LONGEST_TEXT) if isinstance(value, str) else _cut(text, _LONGEST_VALUE)
     except (RecursionError, ValueError):  # lists in lists without end; a number of thousands of digits
         return f"a {type(value).__name__} that is too long to be shown"

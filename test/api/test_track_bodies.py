@@ -9,6 +9,7 @@ import pytest
 import tracker_node
 from helpers.cameras.two_people import MODELS, mean_error_m, write_recording
 from tracker_node.cli.main import main
+from tracker_node.cli.track import _report
 from tracker_node.model.configuration import State
 from tracker_node.runs.joint_states import JointStateFile
 
@@ -93,3 +94,20 @@ def test_one_recording_is_not_several(recording):
     with pytest.raises(tracker_node.TrackerError, match="one body, got several: one, other"):
         tracker_node.open_recording(recording)
     assert set(tracker_node.open_bodies(recording)) == set(MODELS)
+
+
+def test_a_camera_is_told_with_the_body_that_says_so(tmp_path, capsys):
+    def summary(degrees: float) -> dict:
+        turned = {"said": f"cam2 is turned by {degrees} degrees", "kind": "turned", "sets": 3}
+        bumped = {"said": "cam1 was bumped", "kind": "bumped", "sets": 2}
+        return {"errors": [], "notes": [], "contradicted_cameras": [turned, bumped]}
+
+    told: list[str] = []
+    for body, degrees in (("man", 0.5), ("woman", 0.7)):
+        _report(summary(degrees), tmp_path, True, told, body)
+    hint = " (tracker_node rig check RIG)"
+    assert capsys.readouterr().err.splitlines() == [
+        f"track: man: cam2 is turned by 0.5 degrees, in 3 image sets{hint}",
+        "track: cam1 was bumped, in 2 image sets",
+        f"track: woman: cam2 is turned by 0.7 degrees, in 3 image sets{hint}",
+    ]

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -57,7 +58,12 @@ def test_trials_have_the_states_that_they_have_one_by_one(trials_file, tmp_path)
 
 def test_a_trial_of_several_bodies(tmp_path):
     write_recording(tmp_path / "two", 3)
-    bodies = "{one: {model: two/one.yaml, initial_state: two/one_start.yaml}, gone: {model: two/other.yaml}}"
+    far = re.sub(r"xyz: \[[^,]*", "xyz: [40.0", (tmp_path / "two/other_start.yaml").read_text())
+    (tmp_path / "two/far.yaml").write_text(far)
+    bodies = (
+        "{one: {model: two/one.yaml, initial_state: two/one_start.yaml}, gone: {model: two/other.yaml},"
+        " lost: {model: two/other.yaml, initial_state: two/far.yaml}}"
+    )
     file = tmp_path / "trials.yaml"
     common = "{rig: two/rig.yaml, config: two/tracker.yaml, images: {rate_hz: 30}}"
     text = f"output: out\ncommon: {common}\ntrials:\n  pair: {{bodies: BODIES}}\n"
@@ -65,7 +71,9 @@ def test_a_trial_of_several_bodies(tmp_path):
     (outcome,) = run_batch(load_trials(file), BatchOptions(1))
     assert outcome.state == TRACKED and outcome.image_sets == 3 and outcome.status_counts["INITIALIZING"] == 3
     assert any("gone was not found in 3 image sets" in problem for problem in outcome.problems)
+    assert list(outcome.by_body) == ["one", "gone", "lost"] and outcome.by_body["gone"]["INITIALIZING"] == 3
     assert outcome.metrics["one.residual_px"] < 2.0 and not any(key.startswith("gone") for key in outcome.metrics)
+    assert outcome.by_body["lost"]["LOST"] == 3 and any("lost is LOST throughout" in told for told in outcome.problems)
     assert set(outcome.ranges) and all(name.startswith("one.") for name in outcome.ranges)
     assert (tmp_path / "out/pair/one/states.csv").exists() and (tmp_path / "out/pair/gone/run.json").exists()
     told: list[str] = []

@@ -73,3 +73,26 @@ def test_versions_that_differ_are_said(tmp_path):
 def test_a_batch_of_failures_alone_has_a_report(tmp_path):
     metrics = write_batch_report(tmp_path, [Outcome("a", "", FAILED_STATE, "no images")])
     assert metrics == {"batch.trials": 1, "batch.failed": 1}
+
+
+def test_trials_of_several_bodies_have_a_row_and_means_for_each(tmp_path):
+    def pair(name: str, error_mm: float, **other) -> Outcome:
+        bodies = {"one": {"TRACKING": 3}, "other": {"LOST": 3}}
+        metrics = {"one.mpjpe_mm": error_mm, "one.dof_rms.knee_deg": 1.0, "other.mpjpe_mm": 4321.0, "other.lost_sets": 3}
+        return outcome(name, 0.0, by_body=bodies, metrics=metrics, **other)
+
+    (tmp_path / "a/other").mkdir(parents=True)
+    (tmp_path / "a/other/report.html").touch()
+    metrics = write_batch_report(tmp_path, [pair("a", 6.0), pair("b", 8.0)], pdf=False)
+    assert metrics["batch.one.mpjpe_mm_mean"] == 7.0
+    page = (tmp_path / "report.html").read_text()
+    rows = re.findall(r"<tr>.*?</tr>", page[page.index('<a href="a/one/') - 200 :], re.DOTALL)[:4]
+    for row, (link, body, percent, error) in zip(
+        rows,
+        [("a/one/", "one", "100", "6"), ("a/other/report.html", "other", "0", "4321"), ("b/one/", "one", "100", "8"),
+         ("b/other/", "other", "0", "4321")],
+        strict=True,
+    ):  # fmt: skip
+        assert f'href="{link}"' in row and f">{body}<" in row and f">{percent}.0" in row and f">{error}.0" in row
+        assert ('light bad"' in row) == (body == "other")
+    assert "one: Joint error (MPJPE)" in page and "other: Lost" in page and "a other" in page

@@ -233,6 +233,18 @@ def test_runs_are_compared(files, tmp_path, capsys):
     assert "--output" in capsys.readouterr().err
 
 
+def test_each_run_has_its_own_truth_or_one_for_all_which_is_said(files, tmp_path, capsys):
+    write_truth(tmp_path / "other.csv", motion(N), moved_m=0.05)
+    more = ["--model", str(files / "model.yaml"), "--no-pdf", "--lag", "0", "--output", str(tmp_path), "--pictures", "0"]
+    both = ["evaluate", str(files / "run"), str(files / "live"), *more, "--truth", str(files / "truth.csv")]
+    assert main([*both, "--truth", str(tmp_path / "other.csv")]) == 0
+    figures = figures_of(tmp_path)
+    assert (figures["run.mpjpe_mm"], figures["live.mpjpe_mm"]) == (pytest.approx(30.0), pytest.approx(50.0))
+    assert "is that of all" not in capsys.readouterr().err
+    assert main(both) == 0 and "truth.csv is that of all 2 runs" in capsys.readouterr().err
+    assert figures_of(tmp_path)["live.mpjpe_mm"] == pytest.approx(30.0)
+
+
 def test_states_and_joints_as_truth(files, tmp_path):
     tracked = motion(N)
     rows = write_run(tmp_path / "truth", tracked) / "states.csv"
@@ -259,6 +271,7 @@ def test_coordinates_that_were_exported_are_truth(files, tmp_path):
         (["--name", "a", "--name", "a"], "--name"),
         (["--name", "a"], "--name"),
         (["--truth", "a.csv", "--truth", "b.trc", "--truth", "c.trc"], "a.csv"),
+        ([*["--truth", "a.trc"] * 3], "--truth: expected one file for all runs or 2, got 3"),
         (["--rig", "a", "--rig", "b", "--rig", "c"], "--rig"),
     ],
 )

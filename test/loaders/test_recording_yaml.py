@@ -142,8 +142,9 @@ def test_several_bodies(folder):
 
 
 BODY_MISTAKES = {
+    "rig: rig.yaml": ("rig: rig.yaml\nevaluate: {truth: truth.trc}", "evaluate", "got {'truth': ['truth.trc']}"),
     "output: run": ("output: run\nmodel: person.yaml", "model", "nothing beside bodies"),
-    "config: config.yaml": ("person: [0, 0, 1]", "person", "nothing beside bodies"),
+    "config: config.yaml": ("person: [0, 0, 1]", "person", "where each body has its own, got [0.0, 0.0, 1.0]"),
     "  man: {model": ("  two men: {model", "bodies", "a name of letters, digits and _"),
     "woman: {model": ("man: {model", "", "expected each key once"),
     "truth: truth.trc": ("truth: else.trc", "bodies.man.evaluate.truth", "an existing file"),

@@ -6,7 +6,8 @@ import pytest
 from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.loaders.motion.trajectory_file import CovariancesWriter
-from tracker_node.runs.load import file_of_run, load_run
+from tracker_node.runs.images import file_of
+from tracker_node.runs.load import bag_of_run, file_of_run, is_run, load_run
 from tracker_node.tracking.estimate import Status
 
 
@@ -103,3 +104,24 @@ def test_a_part_of_a_run_has_the_files_of_the_run_unless_its_own(tmp_path):
     assert file_of_run(bag, "body.yaml") == file_of_run(tmp_path, "body.yaml") == tmp_path / "body.yaml"
     (bag / "body.yaml").touch()
     assert file_of_run(bag, "body.yaml") == bag / "body.yaml"
+
+
+def test_the_folder_of_one_of_several_bodies_leads_to_its_states_in_their_bag(tmp_path):
+    tracked = motion(3)
+    write_state_bag(tmp_path / "run/bag", tracked, others=("anna",))
+    with pytest.raises(FileFormatError, match="one topic of type"):
+        load_run(tmp_path / "run")
+    folder = tmp_path / "run/anna"
+    folder.mkdir()
+    (folder / "run.json").write_text('{"topic": "/anna/state", "options": {"model": "anna.yaml"}}')
+    found = load_run(folder)
+    assert is_run(folder) and len(found) == 3 and found.cameras == ("cam01", "cam02")
+    assert found.bag == bag_of_run(folder) == tmp_path / "run/bag"
+    assert file_of(found.info, "model") == "anna.yaml"
+    (tmp_path / "run/run.json").write_text('{"bodies": {"person": {}, "anna": {}}}')
+    with pytest.raises(FileFormatError, match=r"the folder of one body: \S*/run/anna, got 'that of several'"):
+        load_run(tmp_path / "run")
+    assert len(load_run(tmp_path / "run", "/person/state")) == 3
+    (folder / "run.json").write_text("{}")
+    with pytest.raises(FileFormatError, match=r"states\.csv"):
+        load_run(folder)

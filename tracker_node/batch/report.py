@@ -10,11 +10,11 @@ from urllib.parse import quote
 import numpy as np
 
 from ..evaluation.report.builder import ReportOptions, write_document
-from ..evaluation.report.summary import described
+from ..evaluation.report.summary import Metric, described
 from ..render.palette import BLUE, GREEN
 from ..report.document import Bars, Block, Cell, Column, Document, DocumentSection, Table, Value
 from ..report.metrics_file import made_by, today
-from .work import FAILED_STATE, Outcome
+from .work import FAILED_STATE, Outcome, is_known
 
 FEWEST = 5  # trials, of fewer none stands out
 STANDS_OUT = 3.5  # modified z-score, of Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993
@@ -125,28 +125,54 @@ def _keys(outcomes: Sequence[Outcome]) -> list[str]:
     return list(dict.fromkeys(key for outcome in outcomes for key in outcome.metrics))
 
 
+def _bodies(outcomes: Sequence[Outcome]) -> list[str]:
+    """Names of all bodies; "" of one that is alone."""
+    return list(dict.fromkeys(body for outcome in outcomes for body in outcome.by_body or ("",)))
+
+
+def _of(body: str) -> str:
+    """Before the keys of a body's metrics."""
+    return f"{body}." if body else ""
+
+
+def _described(outcomes: Sequence[Outcome]) -> list[tuple[Metric, str, str]]:
+    """(metric, key, title) of what is known of each body, with its name where trials have several."""
+    keys, found = _keys(outcomes), []
+    for body in _bodies(outcomes):
+        own = [key.removeprefix(_of(body)) for key in keys if key.startswith(_of(body))]
+        found += [(metric, _of(body) + key, f"{body}: {title}" if body else title) for metric, key, title in described(own)]
+    return found
+
+
 def _trial_table(outcomes: Sequence[Outcome], output: Path) -> Table:
-    """A row a trial: what became of it; its name leads to its report, or to its folder."""
+    """A row a trial, and body: what became of it; its name leads to its report, or to its folder."""
+    bodies = _bodies(outcomes)
+    own = dict.fromkeys(key.removeprefix(_of(body)) for body in bodies for key in _keys(outcomes) if key.startswith(_of(body)))
     shown = [
         (metric, key, title)
-        for metric, key, title in described(_keys(outcomes))
+        for metric, key, title in described(own)
         if key in ("lost_sets", "mpjpe_mm", "mpjpe_offset_free_mm", "said_lost_sets", "residual_px", "total_ms_p50")
     ]
-    columns = [Column("trial", is_text=True), Column("subject", is_text=True), Column("sets", 0), Column("tracking [%]")]
+    several = any(bodies)
+    columns = [Column("trial", is_text=True), Column("subject", is_text=True), *[Column("body", is_text=True)] * several]
+    columns += [Column("sets", 0), Column("tracking [%]")]
     columns += [Column(f"{title} [{metric.unit}]" if metric.unit else title, metric.digits) for metric, _, title in shown]
     columns += [Column("took [s]")]
     rows: list[list[Value]] = []
     for outcome in outcomes:
         failed = outcome.state == FAILED_STATE
-        tracking = 100.0 * outcome.status_counts.get("TRACKING", 0) / n if (n := sum(outcome.status_counts.values())) else None
-        page = f"{outcome.name}/report.html"
-        link = "" if failed else quote(page if (output / page).is_file() else f"{outcome.name}/")
-        row: list[Value] = [Cell(outcome.name, "bad" if failed else "good", link=link), outcome.subject]
-        row += [outcome.image_sets or None, tracking, *(_number(outcome.metrics.get(key)) for _, key, _ in shown)]
-        rows.append([*row, outcome.wall_s])
+        for body, counts in (outcome.by_body or {"": outcome.status_counts}).items():
+            tracking = 100.0 * counts.get("TRACKING", 0) / n if (n := sum(counts.values())) else None
+            folder = f"{outcome.name}/{body}/" if body else f"{outcome.name}/"
+            page = f"{folder}report.html"
+            link = "" if failed else quote(page if (output / page).is_file() else folder)
+            mark = "good" if is_known(counts) and not failed else "bad"
+            row: list[Value] = [Cell(outcome.name, mark, link=link), outcome.subject, *[body] * several]
+            row += [outcome.image_sets or None, tracking, *(_number(outcome.metrics.get(_of(body) + key)) for _, key, _ in shown)]
+            rows.append([*row, outcome.wall_s])
     note = (
         "The folder of a trial, of its name, holds its bag, tables and run.json, and a report where the trial says what it is"
-        " compared with."
+        " compared with. What is red has failed, or its body was in no set TRACKING or DEGRADED."
     )
     return Table("trials", "Trials", note, columns, rows)
 
@@ -158,9 +184,10 @@ def _number(value: float | int | None) -> float | None:
 def _bars(tracked: Sequence[Outcome]) -> list[Block | None]:
     """How trials compare in what matters first: error where there is truth, else residual."""
     found: list[Block | None] = []
-    names = [outcome.name for outcome in tracked]
+    rows = [(outcome, body) for outcome in tracked for body in outcome.by_body or ("",)]
+    names = [f"{outcome.name} {body}".rstrip() for outcome, body in rows]
     for key, title, unit, color in (("mpjpe_mm", "Joint error", "mm", BLUE), ("residual_px", "Residual", "px", GREEN)):
-        values = np.array([float(outcome.metrics.get(key) or np.nan) for outcome in tracked])
+        values = np.array([float(outcome.metrics.get(_of(body) + key) or np.nan) for outcome, body in rows])
         if np.isfinite(values).any():
             found.append(Bars(key, title, "", names, [(title, values, color)], f"{title} [{unit}]"))
     return found
@@ -168,7 +195,7 @@ def _bars(tracked: Sequence[Outcome]) -> list[Block | None]:
 
 def _over_trials(tracked: Sequence[Outcome], subjects: Sequence[str]) -> Table | None:
     """Mean and SD of the metrics over all trials, and over those of each subject."""
-    known = described(_keys(tracked))
+    known = _described(tracked)
     if not known:
         return None
     rows: list[list[Value]] = []

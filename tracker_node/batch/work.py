@@ -32,7 +32,7 @@ from ..loaders.json_values import finite, read_json
 from ..loaders.recording_yaml import FILES, RecordingFile
 from ..loaders.whole_file import write_whole
 from ..runs.offline import OfflineRun, Recording, run_together
-from ..tracking.estimate import TrackEstimate
+from ..tracking.estimate import Status, TrackEstimate
 from ..version import __version__
 
 OUTCOME = "trial.json"
@@ -77,7 +77,8 @@ class Outcome:
     state : `TRACKED` or `FAILED_STATE`.
     reason, details : why it failed, in a sentence, and for whoever looks closer.
     problems : sentences on what was unusual.
-    metrics : of `Review.metrics`, without the run's name.
+    by_body : of several bodies, name -> its part of ``status_counts``.
+    metrics : of `Review.metrics`, without the run's name; of several bodies with the body's, ``anna.mpjpe_mm``.
     ranges : name of a joint's angle, as in the trial's own report -> lowest and highest value, degrees or meters.
     """
 
@@ -89,6 +90,7 @@ class Outcome:
     problems: tuple[str, ...] = ()
     image_sets: int = 0
     status_counts: Mapping[str, int] = field(default_factory=dict)
+    by_body: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     metrics: Mapping[str, float | int | None] = field(default_factory=dict)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     wall_s: float = 0.0
@@ -127,6 +129,11 @@ def run_trial(job: Job) -> Outcome:
     except Exception as error:  # of one trial; the others go on
         reason, details = f"unexpected {type(error).__name__}: {error}", traceback.format_exc()
     return Outcome(job.name, job.subject, FAILED_STATE, reason, details, wall_s=time.monotonic() - began, **made_by)
+
+
+def is_known(status_counts: Mapping[str, int]) -> bool:
+    """Whether the body was TRACKING or DEGRADED in any image set."""
+    return any(status_counts.get(status.name) for status in Status if status.known)
 
 
 def read_outcome(folder: Path) -> Outcome | None:
@@ -215,14 +222,17 @@ def _tracked(job: Job, draft: Path) -> Outcome:
                 raise TrackerError(lacking)
             problems.append(lacking)
             continue
+        if not is_known(summary["status_counts"]):
+            problems.append(f"{body or 'the body'} is LOST throughout, mostly: {summary['reason']}")
         found = _reviewed(job.name, file, draft / body)
         metrics |= {of + key.removeprefix(f"{found.name}."): finite(value) for key, value in found.metrics().items()}
         ranges |= {of + name: ends for name, ends in _ranges(found).items()}
         problems += [f"{body}: {sentence}" if body else sentence for sentence in found.problems]
+    by_body = {body: summaries[body]["status_counts"] for body in bodies if body}
     return Outcome(
         job.name, job.subject, TRACKED, problems=tuple(dict.fromkeys(problems)),
         image_sets=max(summary["image_sets"] for summary in summaries.values()),
-        status_counts=dict(counts), metrics=metrics, ranges=ranges,
+        status_counts=dict(counts), by_body=by_body, metrics=metrics, ranges=ranges,
     )  # fmt: skip
 
 

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder written by track or pipeline, or a bag with tracked states; several are compared")  # fmt: skip
     add("--truth", action="append", default=[], metavar="FILE",
         help=".trc, .c3d or .csv like joints.csv (positions); .csv like states.csv, .mot or .sto (degrees of freedom);"
-        " one of each kind, or none")  # fmt: skip
+        " one of each kind, for all runs, or one for each in their order; or none")  # fmt: skip
     add("--y-up", action=argparse.BooleanOptionalAction,
         help="axes of a .trc, .c3d or .mot: y up, as OpenSim and Pose2Sim write it, or those of the world (default:"
         " a .c3d as it says itself, the others have y up)")  # fmt: skip
@@ -77,9 +77,9 @@ def run(args: argparse.Namespace) -> int:
     models, rigs = (one_each(args.runs, given, option) for given, option in ((args.model, "--model"), (args.rig, "--rig")))
     masks = load_reference_masks(args.masks) if args.masks else {}
     reviews = []
-    for path, name, model, rig in zip(args.runs, names, models, rigs, strict=True):
+    for path, name, model, rig, truth in zip(args.runs, names, models, rigs, _truths_of(args), strict=True):
         compared = EvaluationOptions(name, lag, args.align, args.image_sets, cutoff_hz=cutoff)
-        files = RunFiles(path, model, rig, args.topic, args.truth, args.y_up, masks, args.pictures, compared, args.first_image,
+        files = RunFiles(path, model, rig, args.topic, truth, args.y_up, masks, args.pictures, compared, args.first_image,
                          args.opensim)  # fmt: skip
         reviews.append(review_run(files, _say))
     options = report.ReportOptions(targets, args.csv, not args.no_pdf)
@@ -106,9 +106,11 @@ def _compare_days(args: argparse.Namespace) -> int:
     names, folder = names_of(args.runs, args.name), output_folder(args.output, args.runs)
     days, cutoff = [], _cutoff_of(args.filter or _DAYS_HZ)
     for path, name, model in zip(args.runs, names, one_each(args.runs, args.model, "--model"), strict=True):
-        reviews = []
-        for run in runs_in(path):
-            files = RunFiles(str(run), model, pictures=0, options=EvaluationOptions(run.name, cutoff_hz=cutoff))
+        reviews, runs = [], runs_in(path)
+        alike = len({run.name for run in runs}) < len(runs)  # of one body of several trials
+        for run in runs:
+            compared = EvaluationOptions(f"{run.parent.name}_{run.name}" if alike else run.name, cutoff_hz=cutoff)
+            files = RunFiles(str(run), model, pictures=0, options=compared)
             reviews.append(review_run(files, _say))
         days.append(Day(name, reviews))
     metrics = days_metrics(days)
@@ -132,7 +134,8 @@ def names_of(runs: Sequence[str], given: Sequence[str]) -> list[str]:
 
     Returns
     -------
-    names : as given, "run" for a single one, or those of the folders, numbered where they are alike.
+    names : as given, "run" for a single one, or those of the folders: where they are alike with that of the folder above, and
+        where these are, too, numbered.
     """
     from ..errors import TrackerError
 
@@ -141,7 +144,10 @@ def names_of(runs: Sequence[str], given: Sequence[str]) -> list[str]:
         raise TrackerError(f"--name: expected {expected}, got {', '.join(map(repr, given))}")
     if given or len(runs) == 1:
         return list(given) or ["run"]
-    names = [Path(run).resolve().stem for run in runs]
+    paths = [Path(run).resolve() for run in runs]
+    short = [path.stem for path in paths]
+    long = [path.stem if short.count(path.stem) == 1 else f"{path.parent.name}_{path.stem}" for path in paths]
+    names = short if len(set(long)) < len(long) else long
     return [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names, start=1)]
 
 
@@ -163,6 +169,21 @@ def one_each(runs: Sequence[str], given: Sequence[str], option: str) -> list[str
     if len(runs) > 1 and len(given) not in (0, 1, len(runs)):
         raise TrackerError(f"{option}: expected one file for all runs or {len(runs)}, got {len(given)}")
     return list(given) if len(given) == len(runs) else [given[-1] if given else None] * len(runs)
+
+
+def _truths_of(args: argparse.Namespace) -> list[list[str]]:
+    """Files with truth for each run."""
+    from ..evaluation.truth.files import holds_states
+
+    states = [path for path in args.truth if holds_states(path)]
+    kinds = [of for of in (states, [path for path in args.truth if path not in states]) if of]
+    if len(args.runs) == 1:
+        return [args.truth]  # two of a kind are refused with the run
+    for of in kinds:
+        if len(of) == 1:
+            _say(f"--truth {of[0]} is that of all {len(args.runs)} runs (one for each: repeat it, in their order)")
+    by_kind = [one_each(args.runs, of, "--truth") for of in kinds]
+    return [[str(of[i]) for of in by_kind] for i in range(len(args.runs))]
 
 
 def _targets_of(texts: Sequence[str]) -> dict[str, Target]:

@@ -316,14 +316,15 @@ class _Progress:
 
 
 def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str], body: str) -> None:
-    from ..tracking.estimate import DELAYED, TURNED
+    from ..tracking.estimate import BUMPED, DELAYED, TURNED
 
     for error in (error for error in summary["errors"] if error not in told):
         print(f"track: {error}", file=sys.stderr)
     for found in (found for found in summary["contradicted_cameras"] if found["said"] not in told):
         told.append(found["said"])
         more = " (tracker_node rig check RIG)" if found["kind"] in (TURNED, DELAYED) else ""
-        print(f"track: {found['said']}, in {found['sets']} image sets{more}", file=sys.stderr)
+        by = f"{body}: " if body and found["kind"] != BUMPED else ""  # which the room tells, and no body
+        print(f"track: {by}{found['said']}, in {found['sets']} image sets{more}", file=sys.stderr)
     for note in (note for note in summary["notes"] if note not in told):
         told.append(note)
         print(f"track: {note}", file=sys.stderr)

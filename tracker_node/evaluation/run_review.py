@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +117,7 @@ def runs_in(folder: str | Path) -> list[Path]:
 
     Parameters
     ----------
-    folder : a run, a bag, or a folder of runs.
+    folder : a run, a bag, a folder of runs, or a pattern (``day1/*/anna``).
 
     Returns
     -------
@@ -127,11 +128,12 @@ def runs_in(folder: str | Path) -> list[Path]:
     FileFormatError : neither.
     """
     folder = Path(folder)
-    if not folder.is_dir() or is_run(folder):
+    is_pattern = has_magic(str(folder)) and not folder.exists()
+    if not is_pattern and (not folder.is_dir() or is_run(folder)):
         return [folder]
-    found = sorted(path for path in folder.iterdir() if path.is_dir() and is_run(path))
+    found = sorted(path for path in (map(Path, glob(str(folder))) if is_pattern else folder.iterdir()) if is_run(path))
     if not found:
-        raise FileFormatError(folder, "(path)", "a run, or a folder with runs in it", "no run")
+        raise FileFormatError(folder, "(path)", "a run, or a folder with runs in it, of several bodies 'DAY/*/NAME'", "no run")
     return found
 
 

@@ -57,7 +57,7 @@ def problem(expected: str, got: object, field: str = "") -> PydanticCustomError:
     -------
     Error to raise.
     """
-    context = {"expected": expected, "got": got, "field": field}
+    context = {"expected": expected, "got": list(got) if isinstance(got, tuple) else got, "field": field}
     return PydanticCustomError("format", "expected {expected}", context)
 
 

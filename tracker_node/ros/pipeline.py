@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
@@ -21,6 +21,7 @@ from tracker_msgs.msg import TrackedState
 
 from ..loaders.bag.message_types import BODIES, KEYPOINTS
 from ..loaders.source_address import sources_for_child
+from ..runs.load import TOPIC
 from ..runs.messages import CAMERA_INFO, IMAGE
 from ..runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, MARKER_ARRAY, MARKERS, Output, recorded
 from ..runs.writer import counted_sets, write_summary
@@ -51,7 +52,8 @@ class PipelineOptions:
     source : options of ``tracker_node camera_ingest``.
     sources : camera -> source, instead of the rig's; handed over where nobody else can read a password in them.
     cameras : names, for the topics.
-    bodies : names of several that are tracked together, for the topics; empty: there is one.
+    bodies : of several that are tracked together, name, for the topics -> file of its model; empty: there is one.
+    joining : names of those among them who may join.
     bag : folder to record to, or None.
     masks, overlays, masked_images, markers, images : record these too.
     recorder : further options of ``tracker_node recorder``.
@@ -67,7 +69,8 @@ class PipelineOptions:
     body: list[str]
     source: list[str]
     cameras: tuple[str, ...]
-    bodies: tuple[str, ...] = ()
+    bodies: dict[str, str] = field(default_factory=dict)
+    joining: tuple[str, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
     bag: Path | None = None
     masks: bool = False
@@ -138,9 +141,14 @@ class Progress:
         self.statuses[self.status] += 1
 
     @property
+    def known_sets(self) -> int:
+        """In how many image sets the body was known."""
+        return sum(n for status, n in self.statuses.items() if status.known)
+
+    @property
     def came(self) -> bool:
         """Whether the body was ever known; there are seats for people who may join."""
-        return any(n for status, n in self.statuses.items() if status.known)
+        return self.known_sets > 0
 
     def line(self, n_expected: int | None) -> str:
         elapsed_s = time.monotonic() - self.first_s if self.first_s else 0.0
@@ -320,13 +328,32 @@ def run_pipeline(options: PipelineOptions) -> tuple[int, dict[str, Progress], bo
     with ros_process(options.ros_args, forced=False) as stop:
         node = GuardedNode("pipeline")
         try:
+            topics = {name: node.resolve_topic_name(f"tracker/{name}/state") for name in options.bodies}
             pipeline = Pipeline(options, node, stop)
             status = pipeline.run()
         finally:
             node.destroy_node()
     if options.folder is not None:
-        counted = {name: counted_sets(progress.statuses) for name, progress in pipeline.progress.items()}
-        came = [counted[name] for name, progress in pipeline.progress.items() if progress.came] or list(counted.values())
-        summary = {**came[-1], **options.summary}
-        write_summary(options.folder, summary | ({"bodies": counted} if options.bodies else {}))
+        write_summaries(options, options.folder, pipeline.progress, topics)
     return status, pipeline.progress, pipeline.interrupted
+
+
+def write_summaries(options: PipelineOptions, folder: Path, progress: Mapping[str, Progress], topics: Mapping[str, str]) -> None:
+    """``run.json``, of several bodies with the figures of the one that was known in the fewest image sets, and one for each body.
+
+    Parameters
+    ----------
+    options : what has run.
+    folder : of the run; each of several bodies has a folder there, by which its states in the bag are found.
+    progress : what the states of each body have said.
+    topics : of the states of each of several bodies.
+    """
+    counted = {name: counted_sets(each.statuses) for name, each in progress.items()}
+    there = [name for name, each in progress.items() if each.came or name not in options.joining]
+    expected = [name for name in there if name not in options.joining]
+    worst = min(expected or there or progress, key=lambda name: progress[name].known_sets)
+    several = {"bodies": counted} if options.bodies else {}
+    write_summary(folder, {**counted[worst], **options.summary, **several})
+    for name in there if several else ():
+        asked = {**options.summary.get("options", {}), "model": options.bodies[name]}
+        write_summary(folder / name, {**counted[name], **options.summary, "options": asked, TOPIC: topics[name]})

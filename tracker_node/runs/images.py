@@ -24,6 +24,7 @@ from ..tracking.estimate import Status
 from .config_file import migrated
 from .data import RunData
 from .image_sets import resampled_rig, rig_of_bag
+from .load import topic_of
 from .recorded_sets import RecordedRunStream
 from .writer import SUMMARY
 
@@ -199,7 +200,7 @@ def run_stream(
     reader : bag with the states of the run.
     info : content of ``run.json``.
     options : of the rig's sources; default: those of the run.
-    topic : of the states, where the bag has those of several bodies.
+    topic : of the states, where the bag has those of several bodies; None: the one that ``info`` says.
 
     Returns
     -------
@@ -209,7 +210,7 @@ def run_stream(
     ------
     TrackerError : images that are gone, or have other stamps.
     """
-    bag = image_bag_of(reader.path, info, rig.names)
+    bag, topic = image_bag_of(reader.path, info, rig.names), topic or topic_of(info)
     if bag is None:
         options = options or source_options_of(info, reader.path)
         return resampled_rig(rig, options), RecordedRunStream(rig, reader, options, topic)

@@ -21,6 +21,8 @@ from ..tracking.estimate import PX, Status
 from .data import RunData, RunDetails
 from .writer import BAG, BODY, COVARIANCES, SMOOTHED, STATES, SUMMARY
 
+TOPIC = "topic"  # in run.json of a body whose states are, beside those of others, in the bag of the folder above
+
 
 def load_run(path: str | Path, topic: str | None = None) -> RunData:
     """The states of a run folder, of a folder that holds ``bag/``, or of a bag itself.
@@ -28,7 +30,7 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
     Parameters
     ----------
     path : of a run folder, or of a bag.
-    topic : topic of the states, where a bag has several.
+    topic : topic of the states, where a bag has several; None: the one that ``run.json`` says.
 
     Returns
     -------
@@ -43,6 +45,7 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
         raise FileFormatError(path, "(path)", "a run folder or a bag", "nothing there")
     bag = _bag_in(path)
     info = run_info(path)
+    topic = topic or topic_of(info)
     if path.is_dir() and (path / STATES).exists():
         run = replace(_from_csv(path / STATES), residual_unit=str(info.get("residual_unit", PX)))
         if bag is not None:
@@ -51,6 +54,9 @@ def load_run(path: str | Path, topic: str | None = None) -> RunData:
             run = _with_covariances(replace(run, path=path), read_covariances(path / COVARIANCES))
         run = replace(run, path=path)
     elif bag is not None:
+        folders = [str(path / name) for name in info.get("bodies") or () if topic is None and (path / name / SUMMARY).is_file()]
+        if folders:
+            raise FileFormatError(path, "(path)", f"the folder of one body: {', '.join(folders)}", "that of several")
         run = _from_bag(bag, topic)
     else:
         raise FileFormatError(path, "(path)", f"a folder with {STATES} or {BAG}/, or a bag", "neither")
@@ -70,7 +76,13 @@ def _bag_in(path: Path) -> Path | None:
             return candidate
         if candidate.is_dir() and any(file.suffix in STORAGE_SUFFIXES for file in candidate.iterdir()):
             return candidate
-    return None
+    above = path.parent / BAG
+    return above if path.is_dir() and path != above and topic_of(run_info(path)) and above.is_dir() else None
+
+
+def topic_of(info: Mapping[str, Any]) -> str | None:
+    """Topic of the states, of a ``run.json`` that says it; None: the only one in the bag."""
+    return info.get(TOPIC)
 
 
 def bag_of_run(path: Path) -> Path | None:

@@ -18,7 +18,7 @@ from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..runs.images import file_of, options_of, rig_of_run, run_stream
-from ..runs.load import bag_of_run, body_of_run, load_run, run_info
+from ..runs.load import bag_of_run, body_of_run, load_run, run_info, topic_of
 from ..runs.writer import BAG, STATES
 from .view import APPLICATION, RerunView, rerun_module, words
 
@@ -174,6 +174,8 @@ def _bodies_in(path: Path, bodies: Path | None) -> list[_Found]:
         inner = sorted(each for each in path.iterdir() if (each / STATES).exists() or (each / BAG).exists())
         if inner:
             return [(each.name, each, None, None) for each in inner]
+    if topic := topic_of(run_info(path)):
+        return [(path.name, path, topic, None)]
     topics: Sequence[str] = ()
     if bag is not None and not (path / STATES).exists():
         with BagReader(bag) as reader:

@@ -15,7 +15,9 @@ from tracker_node.loaders.recording_yaml import MOST_LAG_IMAGES
         (["out/a"], [], ["run"]),
         (["out/a"], ["mine"], ["mine"]),
         (["out/a", "out/b"], [], ["a", "b"]),
-        (["x/a", "y/b", "z/a"], [], ["a1", "b", "a3"]),
+        (["x/a", "y/b", "z/a"], [], ["x_a", "b", "z_a"]),
+        (["run/man/smoothed", "run/woman/smoothed"], [], ["man_smoothed", "woman_smoothed"]),
+        (["x/a", "x/b", "x/a"], [], ["a1", "b", "a3"]),
         (["x/a", "y/b"], ["one", "two"], ["one", "two"]),
     ],
 )

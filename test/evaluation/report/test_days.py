@@ -114,4 +114,21 @@ def test_days_that_cannot_be_compared_are_refused(folder, tmp_path, capsys):
     with pytest.raises(FileFormatError, match="folder with runs"):
         runs_in(tmp_path)
     assert [path.name for path in runs_in(folder / "monday")] == ["walk1", "walk2"]
+    assert [path.parent.name for path in runs_in(folder / "*/walk1")] == ["monday"]
     assert runs_in(folder / "monday" / "walk1") == [folder / "monday" / "walk1"]
+
+
+def test_days_of_one_of_several_bodies_are_patterns(tmp_path, capsys):
+    for day, scale in (("day1", 1.0), ("day2", SCALE)):
+        for trial, seed in (("a", 1), ("b", 2)):
+            motion = known.walk(seconds=5.0, scale=scale, noise_deg=0.3, seed=seed)
+            write_run(tmp_path / day / trial / "anna", motion)
+            write_run(tmp_path / day / trial / "ben", known.walk(seconds=2.0))
+    dump_model(motion.model, tmp_path / "person.yaml")
+    more = ["--days", "--model", str(tmp_path / "person.yaml"), "--no-pdf", "--output", str(tmp_path / "out")]
+    assert main(["evaluate", str(tmp_path / "day1"), str(tmp_path / "day2"), *more]) == 2
+    assert "of several bodies 'DAY/*/NAME'" in capsys.readouterr().err
+    days = [str(tmp_path / day / "*/anna") for day in ("day1", "day2")]
+    assert main(["evaluate", *days, *more, "--name", "before", "--name", "after"]) == 0
+    said = [line.split(":")[0] for line in capsys.readouterr().err.splitlines() if " states of " in line]
+    assert said == ["a_anna", "b_anna"] * 2

@@ -97,8 +97,22 @@ def write_run(folder: Path, tracked: Motion, status: list[str] | None = None) ->
     return folder
 
 
-def write_state_bag(path: Path, tracked: Motion, cameras: tuple[str, ...] = ("cam01", "cam02")) -> Path:
-    """A bag of tracked states as the live recorder leaves it, stamps in another order than recorded."""
+def write_state_bag(
+    path: Path, tracked: Motion, cameras: tuple[str, ...] = ("cam01", "cam02"), others: tuple[str, ...] = ()
+) -> Path:
+    """A bag of tracked states as the live recorder leaves it, stamps in another order than recorded.
+
+    Parameters
+    ----------
+    path : of the bag.
+    tracked : the states, on ``/person/state``.
+    cameras : names.
+    others : bodies with the same states, on ``/<name>/state``.
+
+    Returns
+    -------
+    ``path``.
+    """
     with BagWriter(path) as writer:
         for i in np.random.default_rng(1).permutation(len(tracked.states)):
             stamp = int(tracked.stamps_ns[i])
@@ -108,11 +122,12 @@ def write_state_bag(path: Path, tracked: Motion, cameras: tuple[str, ...] = ("ca
                 stamp, Status.TRACKING, "", tracked.states[i], zeros, np.diag(zeros), 1.0, 2.5, reports, 4, 5,
                 Timings(1.0, 2.0, 3.0),
             )  # fmt: skip
-            for topic, kind, content_of in (
-                ("/person/state", TRACKED_STATE, tracked_state),
-                ("/person/state_covariance", STATE_COVARIANCE, state_covariance),
-            ):
-                writer.write_message(topic, stamp, message_of(kind, content_of(estimate, tracked.model, "world")))
+            for body in ("person", *others):
+                for topic, kind, content_of in (
+                    (f"/{body}/state", TRACKED_STATE, tracked_state),
+                    (f"/{body}/state_covariance", STATE_COVARIANCE, state_covariance),
+                ):
+                    writer.write_message(topic, stamp, message_of(kind, content_of(estimate, tracked.model, "world")))
     return path
 
 

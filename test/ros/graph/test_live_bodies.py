@@ -14,6 +14,7 @@ from helpers.ros.processes import Process
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.images import stamp_ns_of
 from tracker_node.loaders.bag.reader import BagReader
+from tracker_node.runs.load import load_run
 
 N = 5
 
@@ -34,7 +35,8 @@ def test_live_states_of_all_bodies_are_those_of_an_offline_run(two_people, tmp_p
         again = ["--output", str(tmp_path / "offline"), "--base-stamp-ns", str(first_ns), "--quiet"]
         assert main(["track", str(two_people), *again]) == 0
         for name in MODELS:
-            assert (tmp_path / "live" / name / "report.html").exists() and (tmp_path / "offline" / name / "report.html").exists()
+            sources = (tmp_path / "live" / name / "report.html").read_text()
+            assert str(tmp_path / "live" / name) in sources and (tmp_path / "offline" / name / "report.html").exists()
             with BagReader(tmp_path / "offline" / name / "bag") as offline:
                 before = [message for _, message in live.decoded(f"/tracker/{name}/state")]
                 after = [message for _, message in offline.decoded("/tracker/state")]
@@ -46,6 +48,9 @@ def test_live_states_of_all_bodies_are_those_of_an_offline_run(two_people, tmp_p
         assert [list(message.names) for message in together] == [list(MODELS)] * N
         said = json.loads((tmp_path / "live/run.json").read_text())["bodies"]
         assert list(said) == list(MODELS) and {each["image_sets"] for each in said.values()} == {N}
+        found = load_run(tmp_path / "live" / name)
+        np.testing.assert_array_equal(found.values, [message.values for message in before])
+        assert main(["export", str(tmp_path / "live" / name), "--output", str(tmp_path / f"{name}.trc")]) == 0
         assert [int(message.status[1]) for message in together] == [message.status for message in before]
         topics = set(live.topics)
     assert not {"/tracker/state", "/robot_description"} & topics

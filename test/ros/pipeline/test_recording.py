@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from helpers.ros.samples import moving_state, tracked_arm
 from tracker_node.cli.main import main
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.model.configuration import Configuration
+from tracker_node.ros.pipeline import PipelineOptions, Progress, write_summaries
+from tracker_node.tracking.estimate import Status
 
 RECORDING = """
 rig: rig.yaml
@@ -111,3 +114,20 @@ def test_mistakes_are_one_line(launch, described, tmp_path):
         assert said in process.err and len(process.err.splitlines()) == 1, process.err
     assert [path.name for path in offline.iterdir()] == ["states.csv"]
     assert [path.read_text() for path in live.iterdir()] == ["{}"]
+
+
+def test_of_several_bodies_the_one_that_is_worst_off_is_not_hidden(tmp_path):
+    models = dict.fromkeys(("one", "other", "late_1", "late_2"), "/files/body.yaml")
+    options = PipelineOptions([], [], (), models, joining=("late_1", "late_2"), summary={"options": {"model": None, "rig": "r"}})
+    statuses = [{Status.TRACKING: 8}, {Status.LOST: 8}, {Status.INITIALIZING: 7, Status.TRACKING: 1}, {Status.INITIALIZING: 8}]
+    for order in (1, -1):
+        progress = {name: Progress(8, statuses=Counter(n)) for name, n in list(zip(models, statuses, strict=True))[::order]}
+        folder = tmp_path / f"run{order}"
+        write_summaries(options, folder, progress, {name: f"/tracker/{name}/state" for name in models})
+        said = json.loads((folder / "run.json").read_text())
+        assert (said["lost_sets"], said["status_counts"]["TRACKING"]) == (8, 0)
+        assert {name: each["lost_sets"] for name, each in said["bodies"].items()} == {**dict.fromkeys(models, 0), "other": 8}
+        own = json.loads((folder / "one/run.json").read_text())
+        assert (own["lost_sets"], own["topic"]) == (0, "/tracker/one/state")
+        assert own["options"] == {"model": "/files/body.yaml", "rig": "r"}
+        assert sorted(path.name for path in folder.iterdir()) == ["late_1", "one", "other", "run.json"]

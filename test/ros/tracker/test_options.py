@@ -1,12 +1,18 @@
 """Which cameras a tracker is made for, with which lenses, and by whom."""
 
+import argparse
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from helpers.ros.held_tracker import HeldTracker
 from helpers.ros.samples import small_rig, some_state, tracked_arm
-from tracker_node.ros.tracker.setup import TrackerMaker, TrackerOptions
+from tracker_node.cli.nodes.tracker import add_arguments, tracker_options
+from tracker_node.errors import TrackerError
+from tracker_node.loaders.model.model_yaml import dump_model
+from tracker_node.ros.tracker.image_inbox import InboxOptions
+from tracker_node.ros.tracker.setup import BodyOptions, TrackerMaker, TrackerOptions
 from tracker_node.tracking.config import TrackerConfig, from_dict
 
 MODEL = tracked_arm()
@@ -59,3 +65,32 @@ def test_code_is_made_ready_once_for_each_configuration(rig, monkeypatch):
     assert [args[2] for args in warmed] == [config, other]
     cameras, *others = warmed[0]
     assert cameras.names == ("cam2",) and others == [MODEL, config, state, None, None]
+
+
+def test_bodies_of_a_recording_have_its_parameters_unless_others_are_given(rig, tmp_path):
+    for name in ("rig.yaml", "model.yaml"):
+        (tmp_path / name).touch()
+    dump_model(MODEL, tmp_path / "model.yaml")
+    (tmp_path / "own.yaml").write_text("modalities: [chamfer]\n")
+    (tmp_path / "other.yaml").write_text("modalities: [color]\n")
+    recording = tmp_path / "recording.yaml"
+    said = "rig: rig.yaml\noutput: out\noccluders: model.yaml\nbodies: {one: {model: model.yaml}, two: {model: model.yaml}}\n"
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+
+    def found(*more: str) -> TrackerOptions:
+        arguments = ["--rig", "rig.yaml", "--bodies", str(recording), *more]
+        return tracker_options(parser.parse_args(arguments), rig, InboxOptions())
+
+    recording.write_text(said)
+    assert found().config == TrackerConfig() and found().occluders is not None
+    recording.write_text(said + "config: own.yaml\n")
+    assert found().config.modalities == ("chamfer",)
+    assert found("--config", str(tmp_path / "other.yaml")).config.modalities == ("color",)
+
+
+def test_a_person_without_points_is_refused_before_lenses_are_known(rig):
+    bodies = {"one": BodyOptions(MODEL), "two": BodyOptions(MODEL, person=np.zeros(3))}
+    maker = TrackerMaker(TrackerOptions(rig, MODEL, bodies=bodies, calibration_from_topics=True))
+    with pytest.raises(TrackerError, match=r"two: a person is chosen by points: .* got region"):
+        maker.check(rig.names, from_dict({"modalities": ["region"]}))

@@ -93,9 +93,9 @@ def run(args: argparse.Namespace) -> int:
     asked = {name: value for name, value in named_options(args).items() if name != "bag"}  # images come from no bag
     named = tuple(recording.bodies) if recording is not None else ()
     joining = () if recording is None or recording.joining is None else recording.joining.names
-    bodies = (*named, *joining)
     options = PipelineOptions(
-        bodies=bodies,
+        bodies={} if recording is None else {name: str(Path(file).resolve()) for name, file in recording.models.items()},
+        joining=joining,
         body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
         modalities=() if _chosen_by_ros(args) else config.modalities,
         source=_source_options(args),
@@ -148,13 +148,16 @@ def _untracked(asked: Mapping[str, tuple[argparse.Namespace, Any]], of_bodies: M
 
 def _evaluations(args: argparse.Namespace, recording: RecordingFile) -> list[list[str]]:
     """A command line of ``evaluate`` for each body that is compared with something."""
+    from ...runs.writer import BAG
+
     found = []
     for name, (own, alone) in by_body(args, recording).items():
         assert alone is not None
         output = args.output or args.bag.parent
-        arguments = evaluation_of(alone, own, {"": args.bag}, output / name)
-        if arguments:
-            found.append([*arguments, *(["--topic", f"/tracker/{name}/state", "--model", str(own.model)] if name else [])])
+        folder = args.bag.parent if name and args.bag.name == BAG else None  # leads to states and clothes
+        arguments = evaluation_of(alone, own, {"": folder / name if folder else args.bag}, output / name)
+        named = ["--topic", f"/tracker/{name}/state", "--model", str(own.model)] if name and folder is None else []
+        found += [[*arguments, *named]] if arguments else []
     return found
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from threading import Event
 
     from ...camera.rig import CameraRig
+    from ...loaders.recording_yaml import RecordingFile
     from ...ros.tracker.image_inbox import InboxOptions
     from ...ros.tracker.node import TrackerNode
     from ...ros.tracker.setup import BodyOptions, TrackerOptions
@@ -43,7 +44,7 @@ def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -
     parser.add_argument(
         "--occluders", metavar="FILE", help="model.yaml or URDF: fixed things that may hide the body, in the world's frame"
     )
-    parser.add_argument("--config", metavar="FILE", help="tracker parameters (default: built in)")
+    parser.add_argument("--config", metavar="FILE", help="tracker parameters (default: built in, or those of the recording)")
     parser.add_argument(
         "--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images (default: it is searched)"
     )
@@ -124,11 +125,14 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     from ...loaders.keypoints.table import load_keypoint_table
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
+    from ...loaders.recording_yaml import load_recording
     from ...ros.tracker.setup import BodyOptions, TrackerOptions
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
 
-    bodies, joining = _bodies(args) if args.bodies else ({}, None)
+    recording = load_recording(args.bodies) if args.bodies else None
+    bodies, joining = ({}, None) if recording is None else _bodies(args, recording)
+    config, occluders = (getattr(args, name) or getattr(recording, name, None) for name in ("config", "occluders"))
     _check_listeners(args, [*bodies, *(() if joining is None else joining.names)])
     first = next(iter(bodies.values()), None if joining is None else BodyOptions(joining.model))
     model = load_model(args.model) if first is None else first.model
@@ -137,11 +141,11 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     return TrackerOptions(
         rig=rig.subset(args.cameras) if args.cameras else rig,
         model=model,
-        config=load_config(args.config) if args.config else usual,
+        config=load_config(config) if config else usual,
         initial_state=state if first is None else first.initial_state,
         bodies=bodies,
         joining=joining,
-        occluders=load_model(args.occluders) if args.occluders else None,
+        occluders=load_model(occluders) if occluders else None,
         keypoints=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table else None,
         joint_states=args.joint_states,
         inbox=inbox,
@@ -160,14 +164,13 @@ def _check_listeners(args: argparse.Namespace, bodies: Sequence[str]) -> None:
             raise FileFormatError("command line", "--wait-for", expected, topic)
 
 
-def _bodies(args: argparse.Namespace) -> tuple[dict[str, BodyOptions], JoiningOptions | None]:
+def _bodies(args: argparse.Namespace, recording: RecordingFile) -> tuple[dict[str, BodyOptions], JoiningOptions | None]:
     """Those of a recording.yaml, and people who join, all with the parameters of the node."""
     import numpy as np
 
     from ...errors import FileFormatError
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
-    from ...loaders.recording_yaml import load_recording
     from ...ros.tracker.setup import BodyOptions
     from ...tracking.together.joining import USUAL, JoiningOptions
 
@@ -175,7 +178,6 @@ def _bodies(args: argparse.Namespace) -> tuple[dict[str, BodyOptions], JoiningOp
         if getattr(args, name):
             expected = "nothing beside --bodies, each of which has its own"
             raise FileFormatError("command line", f"--{name.replace('_', '-')}", expected, getattr(args, name))
-    recording = load_recording(args.bodies)
     if not recording.several:
         raise FileFormatError(args.bodies, "bodies", "several bodies by name, or joining", "none")
     found = {}

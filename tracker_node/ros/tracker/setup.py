@@ -23,7 +23,7 @@ from ...model.configuration import State
 from ...model.humans.keypoints import KeypointTable
 from ...observation.keypoints.blazepose import NAMES
 from ...runs.loop import StartRequest, Steppable
-from ...tracking.config import TrackerConfig
+from ...tracking.config import KEYPOINTS, TrackerConfig
 from ...tracking.together.bodies import Bodies, shared_threads
 from ...tracking.together.joining import Joining, JoiningOptions
 from ...tracking.tracker import Tracker
@@ -203,6 +203,10 @@ class TrackerMaker:
             return
         if options.joining is not None:
             replace(options.joining, config=config)  # takes points
+        for name, body in options.named.items():
+            if body.person is not None and body.initial_state is None and KEYPOINTS not in config.modalities:
+                got = ", ".join(config.modalities)
+                raise TrackerError(f"{name}: a person is chosen by points: expected keypoints among the modalities, got {got}")
         if not self._small:
             names = tuple(self._backgrounds)
             models = {id(body.model): body.model for body in options.each.values()}

@@ -23,7 +23,7 @@ from ...loaders.motion.trajectory_file import read_states
 from ...model.articulated import ArticulatedModel
 from ...runs.data import RunData
 from ...runs.images import image_bag_of, options_of, rig_from_bag, rig_of_run, source_options_of
-from ...runs.load import load_run, state_messages
+from ...runs.load import load_run, state_messages, topic_of
 from ...runs.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
 from ...runs.writer import STATES
 from ...tracking.estimate import LimbStatus, Status
@@ -203,7 +203,7 @@ def _recorded(data: RunData) -> tuple[dict[int, RecordedSet], tuple[str, ...]]:
         reason_of, sets = {row.stamp_ns: row.reason for row in rows}, {}
     else:
         with BagReader(data.bag) as reader:
-            messages = state_messages(reader, only_topic(reader, TRACKED_STATE, []))
+            messages = state_messages(reader, topic_of(data.info) or only_topic(reader, TRACKED_STATE, []))
         sets = {found.stamp_ns: found for found in map(recorded_set, messages)}
         reason_of = {recorded_set(message).stamp_ns: str(message.status_reason) for message in messages}
     return sets, tuple(reason_of.get(stamp_ns, "") for stamp_ns in data.stamps_ns.tolist())
@@ -221,7 +221,7 @@ def _with_images(run: PlayedRun, sets: Mapping[int, RecordedSet]) -> PlayedRun:
         rig = rig_from_bag(rig, image_bag)
     else:
         with BagReader(data.bag) as reader:
-            options = RecordedRunStream(rig, reader, as_run).source_options
+            options = RecordedRunStream(rig, reader, as_run, topic_of(data.info)).source_options
     images = RecordedImages(rig, options)
     made_from = [sets[stamp_ns].images if stamp_ns in sets else () for stamp_ns in data.stamps_ns.tolist()]
     numbered = [{camera: images.number_at(camera, ns) for camera, ns in pairs} for pairs in made_from]
