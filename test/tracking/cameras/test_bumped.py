@@ -194,7 +194,7 @@ class _Assessment:
     support = None
 
 
-CASES = [(True, 5.0, 3, ["cam1"]), (True, 5.0, 2, []), (True, 1.0, 3, []), (False, 5.0, 3, [])]
+CASES = [(True, 5.0, 3, ["cam1"]), (True, 7.0, 3, ["cam1"]), (True, 5.0, 2, []), (True, 1.0, 3, []), (False, 5.0, 3, [])]
 
 
 @pytest.mark.parametrize(("enabled", "deg", "n_cameras", "out"), CASES)

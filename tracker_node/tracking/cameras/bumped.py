@@ -144,13 +144,11 @@ class BumpedCameras:
             self._views[i] = self._begun(camera, stamp_ns, now, scale, state)
             return
         view.looked, view.looked_ns = view.looked + 1, stamp_ns
-        moved, ok, _ = cv2.calcOpticalFlowPyrLK(view.first, now, view.corners[:, None], np.empty(0), winSize=_WINDOW)
-        moved = moved[:, 0]
-        hidden = [self._on_body(camera, scale, corners, state) for corners in (view.corners, moved)]
-        usable = (ok[:, 0] > 0) & ~hidden[0] & ~hidden[1]
-        still, room = usable & (np.linalg.norm(moved - view.corners, axis=1) < _STILL_PX), usable & (view.proved >= _PROVED)
+        found, still, room = self._followed(camera, view, now, scale, state, view.corners)
         n_room, n_still = int(room.sum()), int((room & still).sum())
-        found = _turn_of(camera, scale, view.corners[room], moved[room], now.shape) if n_room >= _LEAST else None
+        if found is None and n_still <= _MOST_STILL * n_room and view.proved.max() >= _PROVED:  # farther than flow reaches
+            shift, _ = cv2.phaseCorrelate(view.first.astype(np.float32), now.astype(np.float32))
+            found, *_ = self._followed(camera, view, now, scale, state, view.corners + np.array(shift, np.float32))
         if found is not None and found[0] > self._angle and n_still <= _MOST_STILL * n_room:
             view.turned_ns = view.turned_ns if view.looks else stamp_ns
             by = scale * (found[2] - view.affine) @ (*camera.model.K[:2, 2], 1.0)
@@ -164,6 +162,20 @@ class BumpedCameras:
         n, past = len(view.corners), stamp_ns - view.since_ns > _RENEWED_NS and view.looked >= _RENEWED_LOOKS
         if past and (n < _LEAST or still.sum() < _AGREE * n) and (found is None or found[0] < _STANDS * self._angle):
             self._views[i] = self._begun(camera, stamp_ns, now, scale, state)
+
+    def _followed(
+        self, camera: Camera, view: _View, now: np.ndarray, scale: float, state: State, expected: np.ndarray
+    ) -> tuple[tuple[float, float, np.ndarray] | None, np.ndarray, np.ndarray]:
+        """The turn of `_turn_of`, and masks (n,) of the corners that stand still, and of those that are of the room."""
+        moved, ok, _ = cv2.calcOpticalFlowPyrLK(
+            view.first, now, view.corners[:, None], expected[:, None].copy(), winSize=_WINDOW, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+        )
+        moved = moved[:, 0]
+        hidden = [self._on_body(camera, scale, corners, state) for corners in (view.corners, moved)]
+        usable = (ok[:, 0] > 0) & ~hidden[0] & ~hidden[1]
+        still, room = usable & (np.linalg.norm(moved - view.corners, axis=1) < _STILL_PX), usable & (view.proved >= _PROVED)
+        found = _turn_of(camera, scale, view.corners[room], moved[room], now.shape) if room.sum() >= _LEAST else None
+        return found, still, room
 
     def _begun(self, camera: Camera, stamp_ns: int, now: np.ndarray, scale: float, state: State) -> _View:
         corners = cv2.goodFeaturesToTrack(now, _CORNERS, 0.02, _APART_PX)
@@ -195,7 +207,8 @@ def _reduced(image: np.ndarray) -> np.ndarray:
     """An (h, w, 3) image small, gray, and whatever the light: in shares of what is about each pixel, uint8."""
     height, width = image.shape[:2]
     size = min(_WIDTH, width), max(round(height * min(_WIDTH, width) / width), 1)
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    step = max(width // (4 * _WIDTH), 1)  # of large images some pixels do
+    small = cv2.resize(np.ascontiguousarray(image[::step, ::step]), size, interpolation=cv2.INTER_AREA)
     gray = (small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)).astype(np.float32)
     about = cv2.GaussianBlur(gray, (0, 0), _BROAD_PX)
     return np.clip(128.0 + 128.0 * (gray - about) / (about + _DARK), 0.0, 255.0).astype(np.uint8)
