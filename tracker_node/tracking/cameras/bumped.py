@@ -22,9 +22,10 @@ from ...render.shape_arrays import bounding_spheres
 from ..estimate import BUMPED, CameraFault
 
 _WIDTH = 240  # pixels, to which images are reduced: a third of a degree is one of them
-_BROAD_PX, _DARK = 6.0, 8.0  # about a pixel, of what it is compared with; gray levels that say nothing
+_BROAD_PX, _COARSE, _DARK = 6.0, 4, 8.0  # of what a pixel is compared with, by coarser ones; gray levels that say nothing
+_EVEN = 128.0  # gray level of a pixel that is as its surroundings
 _CORNERS, _APART_PX = 80, 8.0
-_WINDOW = (15, 15)  # pixels about a corner
+_WINDOW, _HALVED = (15, 15), 1  # pixels about a corner; how often they are, at the first
 _STILL_PX, _SAME_PX = 0.35, 0.5  # of the reduced image: a corner has not moved; it has moved as others have
 _PROVED = 3  # looks in which a corner has stood still, from which on it is of the room
 _LEAST, _MOST_STILL, _AGREE, _SPREAD = 12, 0.15, 0.5, 0.25  # corners; shares of them; share of the picture that they span
@@ -138,8 +139,7 @@ class BumpedCameras:
         )  # fmt: skip
 
     def _look_at(self, i: int, stamp_ns: int, image: np.ndarray, state: State) -> None:
-        camera, view, now = self._rig.cameras[i], self._views[i], _reduced(image)
-        scale = now.shape[1] / image.shape[1]
+        camera, view, (now, scale) = self._rig.cameras[i], self._views[i], _reduced(image)
         if view is None or not len(view.corners):
             self._views[i] = self._begun(camera, stamp_ns, now, scale, state)
             return
@@ -168,8 +168,9 @@ class BumpedCameras:
     ) -> tuple[tuple[float, float, np.ndarray] | None, np.ndarray, np.ndarray]:
         """The turn of `_turn_of`, and masks (n,) of the corners that stand still, and of those that are of the room."""
         moved, ok, _ = cv2.calcOpticalFlowPyrLK(
-            view.first, now, view.corners[:, None], expected[:, None].copy(), winSize=_WINDOW, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
-        )
+            view.first, now, view.corners[:, None], expected[:, None].copy(), winSize=_WINDOW, maxLevel=_HALVED,
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        )  # fmt: skip
         moved = moved[:, 0]
         hidden = [self._on_body(camera, scale, corners, state) for corners in (view.corners, moved)]
         usable = (ok[:, 0] > 0) & ~hidden[0] & ~hidden[1]
@@ -203,15 +204,21 @@ def _moved(image: CameraImage, affine: np.ndarray) -> CameraImage:
     return replace(image, pixels=pixels, people=people)
 
 
-def _reduced(image: np.ndarray) -> np.ndarray:
-    """An (h, w, 3) image small, gray, and whatever the light: in shares of what is about each pixel, uint8."""
-    height, width = image.shape[:2]
-    size = min(_WIDTH, width), max(round(height * min(_WIDTH, width) / width), 1)
-    step = max(width // (4 * _WIDTH), 1)  # of large images some pixels do
-    small = cv2.resize(np.ascontiguousarray(image[::step, ::step]), size, interpolation=cv2.INTER_AREA)
-    gray = (small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)).astype(np.float32)
-    about = cv2.GaussianBlur(gray, (0, 0), _BROAD_PX)
-    return np.clip(128.0 + 128.0 * (gray - about) / (about + _DARK), 0.0, 255.0).astype(np.uint8)
+def _reduced(image: np.ndarray) -> tuple[np.ndarray, float]:
+    """An (h, w, 3) or (h, w) image small, gray, and whatever the light: in shares of what is about each pixel, uint8; and by how
+    much smaller. Whole factors are far faster, and of a large image some pixels do."""
+    factor = max(round(image.shape[1] / _WIDTH), 1)
+    step = max(factor // 4, 1)
+    per_pixel = factor // step
+    height, width = (max(n // (per_pixel * step), 1) for n in image.shape[:2])
+    thinned = image[: height * per_pixel * step, : width * per_pixel * step]
+    if step > 1:
+        thinned = cv2.resize(thinned, (width * per_pixel, height * per_pixel), interpolation=cv2.INTER_NEAREST)
+    gray = thinned if thinned.ndim == 2 else cv2.cvtColor(thinned, cv2.COLOR_BGR2GRAY)
+    small = cv2.resize(gray, (width, height), interpolation=cv2.INTER_AREA)
+    coarse = cv2.resize(small, (max(width // _COARSE, 1), max(height // _COARSE, 1)), interpolation=cv2.INTER_AREA)
+    about = cv2.resize(cv2.GaussianBlur(coarse, (0, 0), _BROAD_PX / _COARSE), (width, height)).astype(np.float32) + _DARK
+    return cv2.divide(small.astype(np.float32), about, scale=_EVEN, dtype=cv2.CV_8U), 1.0 / (per_pixel * step)
 
 
 def _turn_of(
