@@ -41,10 +41,11 @@ from ...objective.keypoints.correspondences import (
 from ...objective.keypoints.kernels import N_COLUMNS, S_UU, U, V
 from ...observation.keypoints.people import Person
 from ..config import KeypointConfig
+from ..limbs.tree import thing_size
 from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 
-_PERSON_M = 0.55  # mean distance of a person's points from their middle
+_PERSON_M = 2.05  # `thing_size` of a person
 _BEGINS_M = 0.05  # from a point to the joint of the limb that begins there, at most
 _STAYS = 1.0  # times the distance from its twin, that a point of the trunk moves beside that at most: with a shoulder girdle
 # How far a pair of points is apart in an image: at most, as a share of its length, where one may be taken for the other, and at
@@ -103,7 +104,7 @@ class KeypointModality(Modality):
     mirrored : (n,) row of each point's twin on the other side, or its own.
     offsets : of these points, as they are known now.
     guesses : what detectors guess of a body along the rays.
-    size : of the body by its points, in that of a person; 1 of people.
+    size : of the body, in that of a person; 1 of people.
     looked : a detector has looked at the present images.
 
     Raises
@@ -123,7 +124,7 @@ class KeypointModality(Modality):
         self.mirrored = np.array(mirrored_rows(self.names))
         self._pairs = _trunk_pairs(points, self.mirrored)
         self.offsets = PointOffsets(points, config)
-        self.size = 1.0 if is_person(model) else _spread(points) / _PERSON_M
+        self.size = 1.0 if is_person(model) else thing_size(model) / _PERSON_M
         self._cameras = packed_cameras(rig)
         self._observed: np.ndarray | None = None
         self.looked = False
@@ -264,12 +265,6 @@ class KeypointModality(Modality):
                 doubtful = self._model.shape_links[np.asarray(weights) <= 0.5]
                 trusted = ~np.isin(self.offsets.body.links, doubtful)
             self.offsets.update(self.correspond(state, 1.0).at(state), trusted)
-
-
-def _spread(points: BodyPoints) -> float:
-    """Mean distance of points from their middle on the neutral body, meters; of a single one, from the root."""
-    places = points.places(State.neutral(points.model))
-    return float(np.linalg.norm(places - (places.mean(axis=0) if len(places) > 1 else 0.0), axis=1).mean())
 
 
 def _trunk_pairs(points: BodyPoints, mirrored: np.ndarray) -> list[tuple[int, int]]:
