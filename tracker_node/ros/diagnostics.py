@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from ..tracking.estimate import BUMPED, TURNED, CameraFault
+from ..tracking.estimate import BUMPED, DELAYED, FROZEN, TURNED, CameraFault
 from .qos import RESULT, policy_name
 
 OK = DiagnosticStatus.OK
@@ -115,11 +115,16 @@ class Diagnostics:
             logger.error(text)
 
 
+_DEGREES, _MILLISECONDS = (180.0 / math.pi, "deg"), (1e3, "ms")
+_UNITS = {TURNED: _DEGREES, BUMPED: _DEGREES, DELAYED: _MILLISECONDS, FROZEN: _MILLISECONDS}
+"""Kind of fault -> how many of a unit its size is, and the unit; of the others it is a share of what is usual."""
+
+
 def statuses_of(faults: Iterable[CameraFault]) -> dict[str, tuple[bytes, str, dict[str, object]]]:
     """Camera -> level, message and values, of every camera that the others contradict; WARN where it might as well be another."""
     result: dict[str, tuple[bytes, str, dict[str, object]]] = {}
     for fault in faults:
-        per_unit, unit = (180.0 / math.pi, "deg") if fault.kind in (TURNED, BUMPED) else (1e3, "ms")
+        per_unit, unit = _UNITS.get(fault.kind, (100.0, "%"))
         values = {f"{fault.kind} [{unit}]": per_unit * fault.size, f"sigma [{unit}]": per_unit * fault.sigma}
         values["since [s]"] = 1e-9 * fault.since_ns
         for camera in (fault.camera, *fault.rivals):

@@ -11,7 +11,7 @@ from helpers.ros.samples import write_recording
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 from tracker_node.ros.diagnostics import statuses_of
-from tracker_node.tracking.estimate import DELAYED, TURNED, CameraFault
+from tracker_node.tracking.estimate import BLIND, BUMPED, DELAYED, FROZEN, TURNED, CameraFault
 
 RATE_HZ, N = 30.0, 50
 TILT_DEG = 1.0
@@ -79,3 +79,11 @@ def test_a_camera_that_is_both_turned_and_late_says_both():
     level, said, values = statuses_of([turned, late])["cam1"]
     assert level == DiagnosticStatus.ERROR and "turned by 2.0" in said and "50 ms (+- 2) early" in said
     assert {"turned [deg]", "delayed [ms]"} <= set(values)
+
+
+def test_sizes_of_all_kinds_are_in_their_units():
+    faults = [CameraFault("a", BUMPED, np.radians(0.5), np.radians(0.01), 0), CameraFault("b", BLIND, 0.12, 0.0, 0)]
+    statuses = statuses_of([*faults, CameraFault("c", FROZEN, 0.2, 0.0, 0)])
+    assert statuses["a"][2]["bumped [deg]"] == pytest.approx(0.5) and statuses["b"][2]["blind [%]"] == pytest.approx(12.0)
+    assert statuses["c"][2]["frozen [ms]"] == pytest.approx(200.0)
+    assert "a has been bumped" in statuses["a"][1]
