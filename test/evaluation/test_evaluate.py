@@ -8,7 +8,7 @@ import pytest
 from helpers.bodies.stick_person import PERIOD_NS, Motion, motion, write_run
 from tracker_node.errors import FileFormatError
 from tracker_node.evaluation.evaluate import EvaluationOptions, evaluate
-from tracker_node.evaluation.truth.files import EVALUATED_JOINTS, offset_links
+from tracker_node.evaluation.truth.files import EVALUATED_JOINTS, LIMBS, offset_links
 from tracker_node.loaders.motion.trajectory_file import Trajectories
 from tracker_node.runs.load import load_run
 
@@ -90,6 +90,15 @@ def test_lost_sets_for_every_reason(tmp_path):
     assert result.missing_sets == 3
     assert result.metrics()["x.lost_sets"] == 5
     assert result.metrics()["x.lost_limbs"] == 0
+
+
+def test_limbs_of_which_no_end_is_compared_are_not_counted(tmp_path):
+    tracked = motion()
+    truth = truth_of(tracked)
+    rows = [i for i, name in enumerate(truth.names) if name not in LIMBS.values()]
+    names = tuple(truth.names[i] for i in rows)
+    part = Trajectories(names, truth.stamps_ns, truth.positions_m[:, rows], truth.valid[:, rows])
+    assert np.isnan(judge(tmp_path, tracked, part, lag_images=0.0).metrics()["x.lost_limbs"])
 
 
 def test_a_limb_that_goes_astray(tmp_path):

@@ -145,7 +145,7 @@ class Evaluation:
             "image_sets": self.image_sets,
             "judged_sets": int(self.raw.valid.any(axis=1).sum()),
             "lost_sets": int(self.lost.sum()) + self.missing_sets,
-            "lost_limbs": len(self.lost_limbs),
+            "lost_limbs": len(self.lost_limbs) if any(end in self.joints for end in LIMBS.values()) else float("nan"),
             "mpjpe_mm": self.raw.mean_mm,
             "mpjpe_offset_free_mm": self.offset_free.mean_mm,
             "mpjpe_offset_free_world_mm": self.offset_free_world.mean_mm,
