@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--unit", choices=UNITS, help="of places in a TOML calibration (default: mm of Anipose and FreeMoCap, m of the others)")
     add_pixel_map_argument(parser)
     add("--stature", type=float, metavar="M", help="height of the person, meters (default: the project's, or 1.75)")
+    add("--model", type=Path, metavar="FILE", help="body of another kind, such as an animal: its model file (default: a person)")
     add("-o", "--output", default="imported", metavar="DIR", help="folder to write (default: %(default)s)")
     add("--force", action="store_true", help="overwrite what is there")
 
@@ -38,26 +40,35 @@ def run(args: argparse.Namespace) -> int:
     from ..loaders.yaml_file import write_mapping
 
     check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
+    check(args.stature is None or args.model is None, "--stature", "no --model", args.stature)
+    modalities = _modalities_of(args.model)
     trials = _chosen(find_trials(args.folder, args.calibration is not None), args.trial)
     output = Path(args.output)
     folders = {name: output / name if len(trials) > 1 else output for name in trials}
     together = output / (TRIALS if len(trials) > 1 else RECORDING)
-    refuse_to_overwrite(args, together, *(folder / "rig.yaml" for folder in folders.values()), output / PERSON)
+    body = args.model or output / PERSON
+    refuse_to_overwrite(args, together, *(folder / "rig.yaml" for folder in folders.values()), *[body] * (args.model is None))
     print(f"{len(trials)} trial{'s' * (len(trials) > 1)} of {next(iter(trials.values())).program}")
     for name, trial in trials.items():
-        _write_trial(trial, name, folders[name], output, args)
-    statures = {args.stature or trial.stature_m for trial in trials.values()}
-    if len(statures) > 1:
-        print("note: the trials are of people of several statures, and get one body; import each person with --trial")
-    stature = _write_person(args.stature or next(iter(trials.values())).stature_m, output / PERSON)
+        _write_trial(trial, name, folders[name], body, modalities, args)
     if len(trials) > 1:
         entries = {name: {"recording": f"{name}/{RECORDING}"} for name in trials}
         write_mapping({"output": "out", "trials": entries}, together, "Trials for `tracker_node batch`; see docs/own_data.md.")
-    first = next(iter(folders.values()))
-    print(f"wrote {together}; a person of {stature:.2f} m in {output / PERSON}. To measure the person, and to track:")
-    print(f"  tracker_node calibrate body --from-points {first / 'rig.yaml'} -o {output / PERSON} --force")
+    if args.model is None:
+        _write_person(args, trials.values(), together, body, next(iter(folders.values())))
+    else:
+        points = "" if "keypoints" in modalities else " (points that a detector has found: `keypoints:` in recording.yaml)"
+        print(f"wrote {together}, with {body}{points}. To track:")
     print(f"  tracker_node {'batch' if len(trials) > 1 else 'track'} {together}")
     return 0
+
+
+def _modalities_of(model: Path | None) -> tuple[str, ...]:
+    """What a body is tracked by: the built-in detector finds people."""
+    from ..loaders.model.model_yaml import load_model
+    from ..model.humans.keypoints import is_person
+
+    return ("region", "keypoints") if model is None or is_person(load_model(model)) else ("region",)
 
 
 def _chosen(found: list[ProjectTrial], wanted: list[str] | None) -> dict[str, ProjectTrial]:
@@ -71,7 +82,9 @@ def _chosen(found: list[ProjectTrial], wanted: list[str] | None) -> dict[str, Pr
     return {name: trial for name, trial in trials.items() if wanted is None or name in wanted}
 
 
-def _write_trial(trial: ProjectTrial, name: str, folder: Path, output: Path, args: argparse.Namespace) -> None:
+def _write_trial(
+    trial: ProjectTrial, name: str, folder: Path, body: Path, modalities: tuple[str, ...], args: argparse.Namespace
+) -> None:
     from os.path import relpath
 
     from ..calibration.imported import rig_of_trial
@@ -83,21 +96,24 @@ def _write_trial(trial: ProjectTrial, name: str, folder: Path, output: Path, arg
     found = rig_of_trial(trial, args.calibration, args.unit, lambda sentence: print(f"{name}: {sentence}"), pixels)
     folder.mkdir(parents=True, exist_ok=True)
     write_rig_file(rig_file_of(found.rig), folder / "rig.yaml", base_dir=".")
-    files = {"rig": "rig.yaml", "model": relpath(output / PERSON, folder), "output": "run"}
-    modalities = ("region", "keypoints")
+    files = {"rig": "rig.yaml", "model": relpath(body, folder), "output": "run"}
     write_recording(folder / RECORDING, files, modalities, found.period_s, trial.stamp_file is not None, f"From {trial.program}")
     cameras = ", ".join(f"{camera.name} ({Path(str(camera.source)).name})" for camera in found.rig)
     print(f"{name}: {cameras}, {1.0 / found.period_s:.5g} Hz")
 
 
-def _write_person(stature_m: float | None, path: Path) -> float:
+def _write_person(args: argparse.Namespace, trials: Iterable[ProjectTrial], together: Path, body: Path, first: Path) -> None:
     from ..calibration.body import model_stature
     from ..loaders.model.model_yaml import dump_model
     from ..model.humans.human import human_model
     from ..model.variants import scaled_uniformly
 
+    statures = [args.stature or trial.stature_m for trial in trials]
+    if len(set(statures)) > 1:
+        print("note: the trials are of people of several statures, and get one body; import each person with --trial")
     model = human_model(ankles=True)
     own = model_stature(model)
-    stature = stature_m or own
-    dump_model(scaled_uniformly(model, stature / own), path, f"{model.name}, for a stature of {stature:.2f} m. Units: meters.")
-    return stature
+    stature = statures[0] or own
+    dump_model(scaled_uniformly(model, stature / own), body, f"{model.name}, for a stature of {stature:.2f} m. Units: meters.")
+    print(f"wrote {together}; a person of {stature:.2f} m in {body}. To measure the person, and to track:")
+    print(f"  tracker_node calibrate body --from-points {first / 'rig.yaml'} -o {body} --force")

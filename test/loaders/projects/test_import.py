@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
+from helpers.cameras.small_clip import body
 from helpers.sources import projects
 from tracker_node.calibration.body import model_stature
 from tracker_node.cli.main import main
-from tracker_node.loaders.model.model_yaml import load_model
+from tracker_node.loaders.model.model_yaml import dump_model, load_model
 from tracker_node.loaders.projects import recordings_by_camera
 from tracker_node.loaders.recording_yaml import load_recording
 from tracker_node.loaders.rig.opencap_pickle import FILE_NAME
@@ -101,6 +102,16 @@ def test_anipose(tmp_path, capsys):
         assert [camera.source for camera in rig] == [str(folder / f"day1/{film}-cam{letter}.mp4") for letter in "ABC"]
     other = imported(folder, tmp_path / "meters", "--trial", "day1_session2_run", "--unit", "m")
     assert load_rig(other / "rig.yaml").cameras[0].center == pytest.approx(1000.0 * rig.cameras[0].center)
+
+
+def test_an_animal_is_no_person(tmp_path, capsys):
+    mouse = tmp_path / "mouse.yaml"
+    dump_model(body(), mouse)
+    output = imported(projects.anipose(tmp_path / "experiment"), tmp_path / "mine", "--model", str(mouse))
+    assert not (output / "person.yaml").exists() and "keypoints: in recording.yaml" in capsys.readouterr().out.replace("`", "")
+    recording = load_recording(output / "day1_session2_run" / "recording.yaml")
+    assert Path(recording.model).resolve() == mouse
+    assert load_config(recording.config).modalities == ("region",)
 
 
 @pytest.mark.parametrize("generation", [0, 1, 2])
@@ -200,6 +211,8 @@ def write(name, content):
     [
         (projects.pose2sim, lambda folder: None, ["--trial", "run"], "unknown trial 'run'; valid: trial"),
         (projects.pose2sim, lambda folder: None, ["--stature", "178"], "'--stature': expected 0.4 to 3 meters"),
+        (projects.pose2sim, lambda folder: None, ["--stature", "1.7", "--model", "x.yaml"], "'--stature': expected no --model"),
+        (projects.pose2sim, lambda folder: None, ["--model", "none.yaml"], "none.yaml"),
         (projects.pose2sim, remove("calibration/*"), [], "one for these videos; --calibration says which, got 'none'"),
         (projects.pose2sim, write("calibration/Calib_b.toml", b""), [], "Calib_b.toml"),
         (projects.pose2sim, remove("videos/*"), [], "calibration/, or videos/ and Config.toml; or videos/ with"),
