@@ -308,7 +308,7 @@ class InitializationConfig:
     )
     enabled: bool = parameter(True, "detect the body; without, an initial state is waited for")
     after_lost_sets: int = parameter(
-        15, "image sets, LOST or with a limb lost since the start, after which all images are searched", "", 1, 10**9
+        15, "image sets, LOST or with a limb lost since it was found, after which all images are searched", "", 1, 10**9
     )
     interval_sets: int = parameter(12, "image sets between two searches, as long as nothing is found", "", 0, 100000)
     watch_sets: int = parameter(18, "image sets to watch what moves in, where there are no images of the background", "", 2, 1000)

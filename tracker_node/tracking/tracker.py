@@ -54,8 +54,8 @@ class _Track:
 
     ``log_ratio``: of the last assessment. ``start``: its last state, or the one that was given; None: it is not known. ``lost``:
     image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
-    since the start in which a limb was lost; None: there was one without. ``turned``: why it may be turned otherwise, of a body
-    that looks the same then. ``doubt``: variance of its turn that has added up since it was TRACKING, radians^2.
+    since it was found in which a limb was lost; None: there was one without. ``turned``: why it may be turned otherwise, of a
+    body that looks the same then. ``doubt``: variance of its turn that has added up since it was TRACKING, radians^2.
     """
 
     engine: AnyEngine
@@ -623,6 +623,8 @@ class Tracker:
     ) -> None:
         track, lost = self._track, assessment.status is Status.LOST
         track.start = state
+        if track.lost >= self.config.initialization.after_lost_sets and not lost:
+            track.unproven = 0  # found again after long, as at a start
         track.lost, track.held = (track.lost + 1, track.held) if lost else (0, track.held + 1)
         if track.unproven is not None:
             any_lost = lost or any(limb.status is LimbStatus.LOST for limb in assessment.limbs)

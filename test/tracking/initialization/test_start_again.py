@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 
 from helpers.cameras.start_scenes import largest_error_m, scene, standing
+from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.config import from_dict
-from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
 from tracker_node.tracking.region.limb_search import LimbSearch
 from tracker_node.tracking.tracker import Tracker
 
@@ -61,6 +62,17 @@ def test_a_body_that_is_not_lost_is_where_it_is_whoever_else_has_the_clearer_out
     somebody, turned = standing(SCENE.model, 1.2, -0.2, 0.4), standing(SCENE.model, -0.5, 0.3, 0.6)
     tracker._track = replace(tracker._track, start=WRONG, lost=0, held=20)
     assert tracker._supported([], [somebody, turned]) == [turned]
+
+
+@pytest.mark.parametrize(("lost", "counted"), [(3, 2), (2, None)])
+def test_a_body_that_is_found_again_after_long_is_searched_once_more_for_its_limbs(lost, counted):
+    tracker = Tracker(SCENE.rig, SCENE.model, SMALL, None, TRUE)
+    tracker._track.unproven = None  # all limbs were in place before
+    limb = LimbReport("left_hand", LimbStatus.LOST, "", 0.9)
+    for k in range(lost + 2):
+        status = Status.LOST if k < lost else Status.DEGRADED
+        tracker._accept(k * 10**8, TRUE, None, Assessment(status, "", limbs=(limb,)), False)
+    assert tracker._track.unproven == counted
 
 
 @pytest.mark.parametrize("near", [False, True])
