@@ -127,7 +127,7 @@ class Reacquisition(Solver):
     ):  # fmt: skip
         self._rig, self._model, self._region = rig, model, config.region
         self._judge, self._fitting, self._area = judge, fitting, area
-        self._points, self._reach_m = points, thing_size(model)
+        self._points = points
         self._all_scales = numbers(config.region.scales)
         self._search, self._pace = LimbSearch(model, judge, config.limb_search), _Pace(config.limb_search.interval_sets)
         self._scales = self._all_scales
@@ -386,7 +386,7 @@ class Reacquisition(Solver):
             return fit
         again = self.first(tracked, None, fit.model_sigma_px)
         moved_m = np.linalg.norm(again.state.T_world_root[:3, 3] - tracked.T_world_root[:3, 3])
-        if moved_m < self._reach_m and self._close_share(again) > self._close_share(fit):
+        if moved_m < thing_size(self._model) and self._close_share(again) > self._close_share(fit):
             self._pace.body_found()
             return replace(again, jumped=True)
         return self._fitting.redrawn(fit)
