@@ -324,7 +324,8 @@ def _report(summary: dict[str, Any], output: Path, quiet: bool, told: list[str],
         told.append(found["said"])
         more = " (tracker_node rig check RIG)" if found["kind"] in (TURNED, DELAYED) else ""
         by = f"{body}: " if body and found["kind"] != BUMPED else ""  # which the room tells, and no body
-        print(f"track: {by}{found['said']}, in {found['sets']} image sets{more}", file=sys.stderr)
+        sets = f"{found['sets']} image set{'s' * (found['sets'] != 1)}"
+        print(f"track: {by}{found['said']}, in {sets}{more}", file=sys.stderr)
     for note in (note for note in summary["notes"] if note not in told):
         told.append(note)
         print(f"track: {note}", file=sys.stderr)
