@@ -33,7 +33,7 @@ _FARTHEST = np.radians(3.0)  # beyond which too much of an image would be missin
 _ZOOMED = 0.03  # a lens that zooms by more is not one that was turned
 _BODY = 1.3  # times as large a body's parts may be
 _NAMED_LOOKS = 2  # in a row, in which a camera stays turned: who walks off, with nothing but a plain wall behind, does not stay
-_EVERY_NS = 80_000_000  # from one look at a camera to the next, once its room is known
+_SPACING_NS = 30_000_000  # from one look to the next, whichever camera's turn it is: fast cameras are not shaken faster
 _RENEWED_NS, _RENEWED_LOOKS = 10_000_000_000, 10  # after which, where daylight has gone on, another image is the first...
 _STANDS = 0.2  # ...of a camera that has turned by less than so much of the least turn that is named
 
@@ -57,7 +57,6 @@ class _View:
     looks: int = 0
     turned_ns: int = 0
     looked: int = 0
-    looked_ns: int = 0
 
     def __post_init__(self) -> None:
         self.proved = np.zeros(len(self.corners), dtype=np.int64)
@@ -66,10 +65,9 @@ class _View:
     def is_named(self) -> bool:
         return self.looks >= _NAMED_LOOKS
 
-    def is_due(self, stamp_ns: int) -> bool:
-        if not len(self.corners):
-            return stamp_ns - self.since_ns > _RENEWED_NS
-        return self.proved.max() < _PROVED or stamp_ns - self.looked_ns >= _EVERY_NS
+    def is_worth_a_look(self, stamp_ns: int) -> bool:
+        """A plain picture is looked at now and then."""
+        return len(self.corners) > 0 or stamp_ns - self.since_ns > _RENEWED_NS
 
 
 class BumpedCameras:
@@ -93,7 +91,7 @@ class BumpedCameras:
     def reset(self) -> None:
         """Nothing has been shown."""
         self._views: list[_View | None] = [None] * len(self._rig)
-        self._turn = 0
+        self._turn, self._looked_ns = 0, -(2**62)
         self.faults: tuple[CameraFault, ...] = ()
 
     @property
@@ -128,9 +126,12 @@ class BumpedCameras:
         images : pixels per camera of the rig, None where the set has none.
         state : of the body.
         """
-        self._turn = (self._turn + 1) % len(images)
+        turn = -1
+        if stamp_ns - self._looked_ns >= _SPACING_NS:
+            turn = self._turn = (self._turn + 1) % len(images)
+            self._looked_ns = stamp_ns
         for i, (image, view) in enumerate(zip(images, self._views, strict=True)):
-            if image is not None and (view is None or view.looks == 1 or (i == self._turn and view.is_due(stamp_ns))):
+            if image is not None and (view is None or view.looks == 1 or (i == turn and view.is_worth_a_look(stamp_ns))):
                 self._look_at(i, stamp_ns, image, state)
         names = self._rig.names
         self.faults = tuple(
@@ -143,7 +144,7 @@ class BumpedCameras:
         if view is None or not len(view.corners):
             self._views[i] = self._begun(camera, stamp_ns, now, scale, state)
             return
-        view.looked, view.looked_ns = view.looked + 1, stamp_ns
+        view.looked += 1
         found, still, room = self._followed(camera, view, now, scale, state, view.corners)
         n_room, n_still = int(room.sum()), int((room & still).sum())
         if found is None and n_still <= _MOST_STILL * n_room and view.proved.max() >= _PROVED:  # farther than flow reaches
@@ -172,8 +173,8 @@ class BumpedCameras:
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )  # fmt: skip
         moved = moved[:, 0]
-        hidden = [self._on_body(camera, scale, corners, state) for corners in (view.corners, moved)]
-        usable = (ok[:, 0] > 0) & ~hidden[0] & ~hidden[1]
+        hidden = self._on_body(camera, scale, np.concatenate([view.corners, moved]), state).reshape(2, -1).any(axis=0)
+        usable = (ok[:, 0] > 0) & ~hidden
         still, room = usable & (np.linalg.norm(moved - view.corners, axis=1) < _STILL_PX), usable & (view.proved >= _PROVED)
         found = _turn_of(camera, scale, view.corners[room], moved[room], now.shape) if room.sum() >= _LEAST else None
         return found, still, room
