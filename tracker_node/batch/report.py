@@ -14,7 +14,8 @@ from ..evaluation.report.summary import Metric, described
 from ..render.palette import BLUE, GREEN
 from ..report.document import Bars, Block, Cell, Column, Document, DocumentSection, Table, Value
 from ..report.metrics_file import made_by, today
-from .work import FAILED_STATE, Outcome, is_known
+from ..tracking.estimate import known_sets
+from .work import FAILED_STATE, Outcome
 
 FEWEST = 5  # trials, of fewer none stands out
 STANDS_OUT = 3.5  # modified z-score, of Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993
@@ -120,9 +121,10 @@ def _document(outcomes: Sequence[Outcome], output: Path) -> Document:
     return Document(f"{len(outcomes)} trials", today(), facts, problems, kept, _MEANINGS, made_by())
 
 
-def _keys(outcomes: Sequence[Outcome]) -> list[str]:
-    """Of all metrics that any trial has."""
-    return list(dict.fromkeys(key for outcome in outcomes for key in outcome.metrics))
+def _keys(outcomes: Sequence[Outcome], body: str = "") -> list[str]:
+    """Of all metrics that any trial has; those of a body without its name."""
+    keys = (key for outcome in outcomes for key in outcome.metrics if key.startswith(_of(body)))
+    return list(dict.fromkeys(key.removeprefix(_of(body)) for key in keys))
 
 
 def _bodies(outcomes: Sequence[Outcome]) -> list[str]:
@@ -137,17 +139,16 @@ def _of(body: str) -> str:
 
 def _described(outcomes: Sequence[Outcome]) -> list[tuple[Metric, str, str]]:
     """(metric, key, title) of what is known of each body, with its name where trials have several."""
-    keys, found = _keys(outcomes), []
-    for body in _bodies(outcomes):
-        own = [key.removeprefix(_of(body)) for key in keys if key.startswith(_of(body))]
-        found += [(metric, _of(body) + key, f"{body}: {title}" if body else title) for metric, key, title in described(own)]
-    return found
+    return [
+        (metric, _of(body) + key, f"{body}: {title}" if body else title)
+        for body in _bodies(outcomes) for metric, key, title in described(_keys(outcomes, body))
+    ]  # fmt: skip
 
 
 def _trial_table(outcomes: Sequence[Outcome], output: Path) -> Table:
     """A row a trial, and body: what became of it; its name leads to its report, or to its folder."""
     bodies = _bodies(outcomes)
-    own = dict.fromkeys(key.removeprefix(_of(body)) for body in bodies for key in _keys(outcomes) if key.startswith(_of(body)))
+    own = dict.fromkeys(key for body in bodies for key in _keys(outcomes, body))
     shown = [
         (metric, key, title)
         for metric, key, title in described(own)
@@ -166,7 +167,7 @@ def _trial_table(outcomes: Sequence[Outcome], output: Path) -> Table:
             folder = f"{outcome.name}/{body}/" if body else f"{outcome.name}/"
             page = f"{folder}report.html"
             link = "" if failed else quote(page if (output / page).is_file() else folder)
-            mark = "good" if is_known(counts) and not failed else "bad"
+            mark = "good" if known_sets(counts) and not failed else "bad"
             row: list[Value] = [Cell(outcome.name, mark, link=link), outcome.subject, *[body] * several]
             row += [outcome.image_sets or None, tracking, *(_number(outcome.metrics.get(_of(body) + key)) for _, key, _ in shown)]
             rows.append([*row, outcome.wall_s])

@@ -32,7 +32,7 @@ from ..loaders.json_values import finite, read_json
 from ..loaders.recording_yaml import FILES, RecordingFile
 from ..loaders.whole_file import write_whole
 from ..runs.offline import OfflineRun, Recording, run_together
-from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.estimate import TrackEstimate, known_sets
 from ..version import __version__
 
 OUTCOME = "trial.json"
@@ -131,11 +131,6 @@ def run_trial(job: Job) -> Outcome:
     return Outcome(job.name, job.subject, FAILED_STATE, reason, details, wall_s=time.monotonic() - began, **made_by)
 
 
-def is_known(status_counts: Mapping[str, int]) -> bool:
-    """Whether the body was TRACKING or DEGRADED in any image set."""
-    return any(status_counts.get(status.name) for status in Status if status.known)
-
-
 def read_outcome(folder: Path) -> Outcome | None:
     """What an earlier call has left in a trial's folder; None where there is nothing of a batch."""
     if not (folder / OUTCOME).is_file():
@@ -222,7 +217,7 @@ def _tracked(job: Job, draft: Path) -> Outcome:
                 raise TrackerError(lacking)
             problems.append(lacking)
             continue
-        if not is_known(summary["status_counts"]):
+        if not known_sets(summary["status_counts"]):
             problems.append(f"{body or 'the body'} is LOST throughout, mostly: {summary['reason']}")
         found = _reviewed(job.name, file, draft / body)
         metrics |= {of + key.removeprefix(f"{found.name}."): finite(value) for key, value in found.metrics().items()}

@@ -25,7 +25,7 @@ from ..runs.load import TOPIC
 from ..runs.messages import CAMERA_INFO, IMAGE
 from ..runs.outputs import BODY_OUTPUTS, CAMERA_OUTPUTS, DESCRIPTION, MARKER_ARRAY, MARKERS, Output, recorded
 from ..runs.writer import counted_sets, write_summary
-from ..tracking.estimate import Status
+from ..tracking.estimate import Status, known_sets
 from .child_process import Child
 from .ending import asked_again
 from .executor import ros_process, spin
@@ -141,14 +141,9 @@ class Progress:
         self.statuses[self.status] += 1
 
     @property
-    def known_sets(self) -> int:
-        """In how many image sets the body was known."""
-        return sum(n for status, n in self.statuses.items() if status.known)
-
-    @property
     def came(self) -> bool:
         """Whether the body was ever known; there are seats for people who may join."""
-        return self.known_sets > 0
+        return any(n for status, n in self.statuses.items() if status.known)
 
     def line(self, n_expected: int | None) -> str:
         elapsed_s = time.monotonic() - self.first_s if self.first_s else 0.0
@@ -351,7 +346,7 @@ def write_summaries(options: PipelineOptions, folder: Path, progress: Mapping[st
     counted = {name: counted_sets(each.statuses) for name, each in progress.items()}
     there = [name for name, each in progress.items() if each.came or name not in options.joining]
     expected = [name for name in there if name not in options.joining]
-    worst = min(expected or there or progress, key=lambda name: progress[name].known_sets)
+    worst = min(expected or there or progress, key=lambda name: known_sets(counted[name]["status_counts"]))
     several = {"bodies": counted} if options.bodies else {}
     write_summary(folder, {**counted[worst], **options.summary, **several})
     for name in there if several else ():

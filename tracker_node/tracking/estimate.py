@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -28,6 +29,11 @@ class Status(IntEnum):
     def known(self) -> bool:
         """Whether the state may be used: TRACKING or DEGRADED; messages that cannot say otherwise hold no other."""
         return self in (Status.TRACKING, Status.DEGRADED)
+
+
+def known_sets(status_counts: Mapping[str, int]) -> int:
+    """In how many image sets a body was known, by how many there were of each `Status`, by its name."""
+    return sum(status_counts.get(status.name, 0) for status in Status if status.known)
 
 
 class LimbStatus(IntEnum):
@@ -105,7 +111,7 @@ class CameraFault:
         who = " or ".join((self.camera, *self.rivals))
         turn = f"{np.degrees(self.size):.1f} degrees (+- {np.degrees(self.sigma):.1f})"
         if self.kind == BUMPED:
-            return f"{who} has been bumped: its picture of the room has turned by {turn} since the start, and is turned back"
+            return f"{who} has been bumped: its picture of the room has turned by {turn} since the start"
         if self.kind == TURNED:
             return f"{who} is turned by {turn} from where its calibration has it"
         if self.kind == FROZEN:

@@ -68,7 +68,6 @@ def _plain(value: Any) -> Any:
 
 
 EX_NOTHING_TRACKED = 3
-TRACKED = ("TRACKING", "DEGRADED")
 
 
 def nothing_tracked(verb: str, counts: Mapping[str, int], reason: str, state_given: bool, body: str = "") -> int:
@@ -86,7 +85,9 @@ def nothing_tracked(verb: str, counts: Mapping[str, int], reason: str, state_giv
     -------
     status : exit status; 0 where the body is tracked in at least one set, else 3.
     """
-    if any(counts.get(name) for name in TRACKED):
+    from ...tracking.estimate import known_sets
+
+    if known_sets(counts):
         return 0
     n = sum(counts.values())
     if not n:

@@ -18,6 +18,7 @@ from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
 from ...observation.image_set import CameraImage, ImageSet
 from ...observation.keypoints.people import moved_in_image
+from ...render.contour.generators import world_spheres
 from ...render.shape_arrays import bounding_spheres
 from ..estimate import BUMPED, CameraFault
 
@@ -186,19 +187,18 @@ class BumpedCameras:
 
     def _on_body(self, camera: Camera, scale: float, pixels: np.ndarray, state: State) -> np.ndarray:
         """(n,) mask of pixels (n, 2) of the reduced image that may show the body."""
-        T = configured(self._model, state).Ts_world_shape
-        centers = np.einsum("nij,nj->ni", T[:, :3, :3], self._spheres[:, :3]) + T[:, :3, 3]
-        middles, seen = camera.project(centers)
-        depths = np.maximum((centers - camera.center) @ camera.T_world_cam[:3, 2], 1e-3)
-        radii = _BODY * scale * float(camera.model.K[0, 0]) * self._spheres[:, 3] / depths
+        spheres = np.empty_like(self._spheres)
+        world_spheres(configured(self._model, state).Ts_world_shape, self._spheres, spheres)
+        middles, seen = camera.project(spheres[:, :3])
+        depths = np.maximum((spheres[:, :3] - camera.center) @ camera.T_world_cam[:3, 2], 1e-3)
+        radii = _BODY * scale * float(camera.model.K[0, 0]) * spheres[:, 3] / depths
         apart = np.linalg.norm(pixels[:, None] - scale * middles[None], axis=2)
         return ((apart < radii) & seen).any(axis=1)
 
 
 def _moved(image: CameraImage, affine: np.ndarray) -> CameraImage:
     """The image that has the pixel that was at ``affine`` (2, 3) of a place at that place, and people with it."""
-    (height, width), flags = image.pixels.shape[:2], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    size = width, height
+    flags, size = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, (image.pixels.shape[1], image.pixels.shape[0])
     pixels = cv2.warpAffine(image.pixels, affine, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
     back = cv2.invertAffineTransform(affine)
     people = None if image.people is None else tuple(moved_in_image(person, back, size) for person in image.people)
