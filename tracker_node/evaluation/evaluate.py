@@ -12,6 +12,7 @@ from ..loaders.motion.trajectory_file import Trajectories
 from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..tracking.estimate import Status
+from ..tracking.limbs.tree import length_scale
 from . import metrics
 from .motion.joint_motion import AUTO
 from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, estimate_lag, image_period_ns, truth_at
@@ -110,6 +111,7 @@ class Evaluation:
     bones: BoneLengths
     lost: np.ndarray  # (n,) bool
     lost_limbs: tuple[str, ...]
+    length_scale: float  # of the distances at which sets and limbs are lost: 1 of people
     status: np.ndarray  # (n,)
     residual: np.ndarray
     residual_key: str
@@ -206,6 +208,7 @@ def evaluate(
     in_segment, offsets = metrics.offset_free_errors(difference, valid, rotations)
     in_world, _ = metrics.offset_free_errors(difference, valid)
     said_lost = run.status == Status.LOST
+    scale = min(length_scale(model), 1.0)
     return Evaluation(
         name=options.name,
         joints=joints,
@@ -226,8 +229,9 @@ def evaluate(
         corrected_m=estimate.positions_m - np.einsum("nmij,mj->nmi", rotations, offsets),
         truth_m=at_sets.positions_m,
         bones=_bone_lengths(estimate, at_sets),
-        lost=metrics.lost_sets(run.has_state, said_lost, errors, valid),
-        lost_limbs=_lost_limbs(joints, errors, valid),
+        lost=metrics.lost_sets(run.has_state, said_lost, errors / scale, valid),
+        lost_limbs=_lost_limbs(joints, errors / scale, valid),
+        length_scale=scale,
         status=run.status,
         residual=run.residual,
         residual_key=run.residual_key,

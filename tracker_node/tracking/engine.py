@@ -382,8 +382,9 @@ class Engine(AnyEngine):
     def attempt(self, images: Images, start: State, *, near: bool = False) -> Fit:
         self.reset()
         lead = self.modalities[0]
-        for lesson in lead.lessons(False)[1 if near else 0:]:
-            lead.learn_first(images, start, lesson)
+        for lesson in lead.lessons(False)[1 if near else 0 :] or (None,):  # textures are known, and have no lessons
+            if lesson is not None:
+                lead.learn_first(images, start, lesson)
             self._learn_others(images, start)
             self.observe(images, start)
             fit = self.solver.fit_start(start)

@@ -54,7 +54,7 @@ def make_engine(
     workers, occluders = Workers(config.threads), occluders or Occluders(None, rig)
     if not config.contours and KEYPOINTS in config.modalities:
         points = KeypointModality(rig, model, config.keypoints, keypoints)
-        judge = KeypointJudge(rig, points)
+        judge = KeypointJudge(rig, model, points)
         by_points = KeypointFitting(model, config, points)
         return Engine([points], by_points, judge, True, PersonChoice(rig, points, PointStart(rig, model, by_points)))
     if config.colors is None:

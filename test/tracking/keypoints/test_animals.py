@@ -12,11 +12,13 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.keypoints import BLAZEPOSE, LandmarkPoint
 from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
 from tracker_node.model.shapes.primitives import Ellipsoid
+from tracker_node.objective.lines.correspondences import PartEvidence
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.keypoints.people import Person
-from tracker_node.tracking.config import KeypointConfig, TrackerConfig
-from tracker_node.tracking.estimate import Status
+from tracker_node.tracking.config import KeypointConfig, StatusConfig, TrackerConfig
+from tracker_node.tracking.estimate import LimbStatus, Status
 from tracker_node.tracking.keypoints.modality import KeypointModality
+from tracker_node.tracking.limbs.judge import LimbJudge, known_m
 from tracker_node.tracking.tracker import Tracker
 
 NAMES = ("nose", "neck", "left_ear", "right_ear", "rump", "tail")
@@ -81,6 +83,21 @@ def error_m(state: State, k: int) -> float:
 def test_lengths_go_by_the_size_of_bodies_that_are_no_people():
     for model, table, expected in ((human_model(), BLAZEPOSE, 1.0), (MODEL, TABLE, 0.0537), (mouse(120.0), TABLE, 6.44)):
         assert KeypointModality(RIG, model, KeypointConfig(), table).size == pytest.approx(expected, rel=0.01)
+    assert [known_m(model) for model in (human_model(), MODEL, mouse(120.0))] == pytest.approx([0.03, 0.00264, 0.03], rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("sigma_m", "expected"), [(0.002, LimbStatus.TRACKING), (0.005, LimbStatus.DEGRADED), (0.02, LimbStatus.LOST)]
+)
+def test_a_limb_of_a_mouse_is_lost_within_less_than_that_of_a_person(sigma_m, expected):
+    samples, covariance = np.full((3, 2), 20.0), np.zeros((MODEL.n_dof, MODEL.n_dof))
+    found = 0.85 * samples
+    evidence = PartEvidence(samples, found, found, found, 14.0 * found, 0.0 * samples, samples - found)
+    covariance[0, 0] = sigma_m**2
+    judge = LimbJudge(MODEL, StatusConfig())
+    for _ in range(3):
+        reports = judge.update(evidence, state_at(0), covariance, np.array([np.nan, -4.0]))
+    assert reports[1].status is expected
 
 
 def test_a_mouse_is_followed_by_points_alone_and_again_once_they_are_back():

@@ -19,7 +19,7 @@ RIG, TRUE = circle_rig(3), standing(0.1, 0.0, 0.5, left_shoulder_elevation_front
 CONFIG = from_dict({"modalities": ["keypoints"], "keypoints.offset_scale": 0.001, "keypoints.sigma_fraction": 0.01})
 LOOKED = KeypointModality(RIG, HUMAN, CONFIG.keypoints, BLAZEPOSE)
 LOOKED.set_images((), TRUE, None, [None] * 3)
-JUDGE = KeypointJudge(RIG, LOOKED)
+JUDGE = KeypointJudge(RIG, HUMAN, LOOKED)
 SETS = image_set(RIG, [None] * 3, 5)
 
 

@@ -11,6 +11,7 @@ from tracker_node.synthesis.subjects.figure import figure_model
 from tracker_node.tracking.config import StatusConfig
 from tracker_node.tracking.estimate import LimbReport, LimbStatus, Status
 from tracker_node.tracking.limbs.judge import LOST_TIP_M, LimbJudge, body_status, is_noise, limb_measures
+from tracker_node.tracking.limbs.tree import length_scale
 
 MODEL = figure_model()
 STATE = State.neutral(MODEL)
@@ -151,7 +152,7 @@ def test_the_end_of_a_limb_is_as_uncertain_as_states_drawn_from_the_covariance()
     ]
     drawn = np.sqrt(np.linalg.eigvalsh(np.cov(np.array(places).T))[-1])
     assert judge.tip_sigmas(STATE, covariance)[1] == pytest.approx(drawn, rel=0.05)
-    wide = covariance * (LOST_TIP_M / drawn) ** 2  # one standard deviation is the limit: 32 % beyond it
+    wide = covariance * (LOST_TIP_M * length_scale(MODEL) / drawn) ** 2  # one standard deviation is the limit: 32 % beyond it
     told(judge, evidence(), 20)
     assert told(judge, evidence(), 1, wide)["left_forearm"].probability == pytest.approx(0.317, abs=0.02)
 
@@ -512,3 +513,13 @@ def test_outlines_are_compared_with_those_of_sets_in_which_silhouettes_help_as_m
     unknown = LimbJudge(MODEL, StatusConfig())
     assert statuses(told(unknown, evidence(0.9))) == {}
     assert set(statuses(told(unknown, evidence(0.15), 5)).values()) == {LimbStatus.LOST}
+
+
+def test_what_is_narrower_than_its_contours_are_told_apart_is_not_tracking():
+    judge = LimbJudge(MODEL, StatusConfig())
+    reports = tuple(told(judge, evidence(), 3).values())
+    assert {each.status for each in reports} == {LimbStatus.TRACKING}
+    assert judge.too_thin(reports, 50.0) == reports  # forearms of 4 pixels
+    narrow = judge.too_thin(reports, 25.0)
+    assert statuses({each.name: each for each in narrow}) == dict.fromkeys(NAMES[1:2] + NAMES[3:4], LimbStatus.DEGRADED)
+    assert narrow[1].reason == "it is 1.8 pixels wide"

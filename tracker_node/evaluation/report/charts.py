@@ -36,7 +36,7 @@ def status_strips(reviews: Sequence[Review]) -> Strips:
         strips += strips_of(rows[-1], own, review.times_s, review.period_s, colors)
     note = (
         "What the tracker says of itself. In all, a set is lost without a state, where the tracker says so, or with a joint more"
-        " than 200 mm from truth."
+        " than 200 mm from truth; of smaller bodies that are no people, as much of their size."
     )
     return Strips("status", "Status", note, rows, strips)
 
@@ -81,7 +81,8 @@ def error_chart(reviews: Sequence[Review]) -> Chart | None:
             lines.append(Line("mean without offsets", *review.over_time(joints.offset_free.per_set_mm()), GREEN, 1.2))
     bands = _lost_bands(judged[0][1]) if len(reviews) == 1 and judged else []
     top = max((float(np.nanmax(line.y, initial=0.0)) for line in lines), default=0.0)
-    levels = [(1e3 * LOST_JOINT_M, "a joint beyond this loses the set")] if top > 0.5e3 * LOST_JOINT_M else []
+    lost_mm = 1e3 * LOST_JOINT_M * max((joints.length_scale for _, _, joints in judged), default=1.0)
+    levels = [(lost_mm, "a joint beyond this loses the set")] if top > 0.5 * lost_mm else []
     note = "Distance to truth." + (" Shaded: lost sets." if bands else "")
     return (
         Chart(

@@ -56,7 +56,7 @@ METRICS = (
         FOUND,
         Metric("image_sets", "Image sets", "", "time steps that there should be a state for", 0, 0),
         Metric("judged_sets", "Judged sets", "", "of these, with truth at their time", 0, 0),
-        Metric("lost_sets", "Lost sets", "", "no state, status LOST, or any joint more than 200 mm from truth", 0),
+        Metric("lost_sets", "Lost sets", "", "no state, status LOST, or a joint 200 mm off; if smaller, as much of its size", 0),
         Metric("lost_limbs", "Lost limbs", "", "end joint more than 150 mm off for 5 sets running, or at the end", 0),
         Metric("losses", "Losses", "", "series of lost sets", 0),
         Metric(

@@ -23,7 +23,7 @@ from ..assessment import Assessment, Report, assess_cameras, camera_reports, inv
 from ..config import ColorOverBackgroundConfig
 from ..engine import Judge
 from ..estimate import LimbReport, LimbStatus, Status
-from ..limbs.judge import KNOWN_OF_THING
+from ..limbs.judge import known_m
 from ..limbs.tree import limbs_of, thing_size
 from ..uncertainty.covariance import ImageEvidence, fit_covariance, limits_information
 from ..uncertainty.modes import point_sigma
@@ -186,7 +186,7 @@ class ColorJudge(Judge):
         if found.status is Status.TRACKING and fit.modes is not None:
             size = thing_size(self._model)
             sigma_m = point_sigma(self._model, size, fit.state, self._covariance(fit, agreement)[0], by_texture=True)
-            if sigma_m > KNOWN_OF_THING * size:
+            if sigma_m > known_m(self._model):
                 found = replace(found, status=Status.DEGRADED, reason=f"{found.limbs[0].name} is known to {1e3 * sigma_m:.0f} mm")
         return found
 

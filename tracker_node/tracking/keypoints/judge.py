@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ...camera.rig import CameraRig
+from ...model.articulated import ArticulatedModel
 from ...objective.keypoints.correspondences import KeypointCorrespondences, PointsAt
 from ...observation.image_set import ImageSet
 from ...optimize.fitter import Fit
 from ..assessment import Assessment, Report, assess_cameras, camera_reports, inverse_covariance
 from ..engine import Judge
 from ..estimate import Status
-from ..limbs.judge import KNOWN_M
+from ..limbs.judge import known_m
 from .modality import KeypointModality
 
 _LEAST_POINTS = 6  # of all cameras, for a body to be seen at all
@@ -24,11 +25,11 @@ class KeypointJudge(Judge):
 
     Parameters
     ----------
-    rig, modality : cameras, and what compares points.
+    rig, model, modality : cameras, body, and what compares points.
     """
 
-    def __init__(self, rig: CameraRig, modality: KeypointModality):
-        self._rig, self._modality = rig, modality
+    def __init__(self, rig: CameraRig, model: ArticulatedModel, modality: KeypointModality):
+        self._rig, self._modality, self._known_m = rig, modality, known_m(model)
         self._known: tuple[Fit, np.ndarray] | None = None
         self.reset()
 
@@ -61,7 +62,7 @@ class KeypointJudge(Judge):
         sees, elsewhere = "the body", "the body's points are elsewhere"
         status, reason = assess_cameras(shares, _LOST, image_set.cameras, len(self._rig), elsewhere, sees)
         sigma_m = float(np.sqrt(np.linalg.eigvalsh(self._covariance(fit)[:3, :3])[-1]))  # one camera leaves the depth open
-        if status is Status.TRACKING and sigma_m > KNOWN_M:
+        if status is Status.TRACKING and sigma_m > self._known_m:
             status, reason = Status.DEGRADED, f"its place is known to {1e3 * sigma_m:.0f} mm"
         return Assessment(status, reason, log_ratio=-fit.equations.cost)
 

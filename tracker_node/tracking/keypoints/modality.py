@@ -25,7 +25,6 @@ from ...model.humans.keypoints import (
     GUESSED_SIZE_SIGMA,
     KeypointTable,
     expected_offsets,
-    is_person,
     relative_size,
 )
 from ...model.humans.measures import mirrored_rows
@@ -41,11 +40,10 @@ from ...objective.keypoints.correspondences import (
 from ...objective.keypoints.kernels import N_COLUMNS, S_UU, U, V
 from ...observation.keypoints.people import Person
 from ..config import KeypointConfig
-from ..limbs.tree import thing_size
+from ..limbs.tree import length_scale
 from ..modality import Images, Modality, Persons
 from ..motion.model import ExposureDelays
 
-_PERSON_M = 2.05  # `thing_size` of a person
 _BEGINS_M = 0.05  # from a point to the joint of the limb that begins there, at most
 _STAYS = 1.0  # times the distance from its twin, that a point of the trunk moves beside that at most: with a shoulder girdle
 # How far a pair of points is apart in an image: at most, as a share of its length, where one may be taken for the other, and at
@@ -104,7 +102,7 @@ class KeypointModality(Modality):
     mirrored : (n,) row of each point's twin on the other side, or its own.
     offsets : of these points, as they are known now.
     guesses : what detectors guess of a body along the rays.
-    size : of the body, in that of a person; 1 of people.
+    size : `length_scale` of the body.
     looked : a detector has looked at the present images.
 
     Raises
@@ -124,7 +122,7 @@ class KeypointModality(Modality):
         self.mirrored = np.array(mirrored_rows(self.names))
         self._pairs = _trunk_pairs(points, self.mirrored)
         self.offsets = PointOffsets(points, config)
-        self.size = 1.0 if is_person(model) else thing_size(model) / _PERSON_M
+        self.size = length_scale(model)
         self._cameras = packed_cameras(rig)
         self._observed: np.ndarray | None = None
         self.looked = False

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,14 @@ import numpy as np
 from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
+from ...model.humans.keypoints import is_person
+from ...model.shapes.primitives import END_RADIUS, START_RADIUS
 from ...objective.lines.correspondences import PartEvidence
 from ..config import StatusConfig
 from ..estimate import LimbReport, LimbStatus, Status
-from .tree import Limb, limbs_of, thing_size
+from .tree import Limb, length_scale, limbs_of, thing_size
 
-LOST_TIP_M = 0.150  # a limb whose end is farther off is lost
+LOST_TIP_M = 0.150  # a limb of a person whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
 _LEAST_OF_PART = 15  # samples of a part's outline in all cameras, for it to be judged alone
 _LEAST = 1e-4  # probability that nothing is ever below
@@ -35,13 +38,14 @@ _NOISE = 0.2  # fraction of the outline that is found anywhere
 _BESIDE = 1.0  # log odds by outlines that count at most where there is other evidence
 _CONFIRMED = -3.0  # log odds of lost, by the points and the outline of one set, that a limb that is seen has
 _LEAST_LIMBS = 3  # that are seen, to say where the trunk is
-KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
-KNOWN_OF_THING = 0.024  # the same of a body without limbs, of its size...
+_KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone leaves its depth open
+_KNOWN_OF_THING = 0.024  # the same, of the size of a smaller body that is no person, and of one without limbs...
 _LEAST_OF_THING = 0.68  # ...of whose outline at least so much is found
 _OF_GUESSES = 0.1  # weight of what images say of a limb that they seem to know well, but points and outline do not confirm
 _SURE = 0.003  # probability of lost, of a limb that need not be looked for elsewhere...
 _CLEAR = 0.75  # ...nor one of whose outline so much is found, where it is in place
 _START = 0.3  # probability of lost that a limb starts with
+_LEAST_WIDTH_PX = 2.5  # of a limb that outlines tell from others; of narrower ones of a drawn figure 3 % were wrong and TRACKING
 
 MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
 # Log odds of lost: the constant, and what each measure adds, in shares of its level while all is well
@@ -50,6 +54,12 @@ _LEAST_LEVELS = np.array([0.40, 0.40, 5.0, 0.30])  # what is less is not well, w
 _LEAST_CONFIRMED = 0.25 * _LEAST_LEVELS  # ...unless points say that it is: clothes may have the colors of what is behind them
 _MOST_OF_LEVEL = 1.5  # that a measure counts for
 _LEVEL_RATE = 0.05  # weight of the newest image set in the levels
+
+
+def known_m(model: ArticulatedModel) -> float:
+    """The largest standard deviation, meters, with which the place of a body, or the end of its limb, is called known."""
+    by_size_m = math.inf if is_person(model) else _KNOWN_OF_THING * thing_size(model)
+    return by_size_m if len(limbs_of(model)) == 1 else min(_KNOWN_M, by_size_m)
 
 
 def limb_measures(evidence: PartEvidence, shapes: np.ndarray) -> np.ndarray | None:
@@ -169,7 +179,8 @@ class LimbJudge:
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
         self._tips = np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
-        self._known_m = KNOWN_OF_THING * thing_size(model)
+        self._lost_tip_m = LOST_TIP_M * (min(length_scale(model), 1.0) if len(self.limbs) > 1 else 1.0)
+        self._known_m = known_m(model)
         self._sigmas_of: tuple[Any, Any, np.ndarray] = None, None, np.zeros(0)  # of which state and covariance, the last ones
         self.reset()
 
@@ -245,7 +256,7 @@ class LimbJudge:
         empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
         each = zip(measures, sigmas.tolist(), others.tolist(), told, strict=True)
-        return tuple(_at_depth(self._limb(i, *of_limb, beside), depth_m) for i, of_limb in enumerate(each))
+        return tuple(self._at_depth(self._limb(i, *of_limb, beside), depth_m) for i, of_limb in enumerate(each))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
         """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
@@ -296,7 +307,7 @@ class LimbJudge:
     ) -> LimbReport:  # fmt: skip
         config, limb, before = self._config, self.limbs[i], self.probabilities[i]
         p = before * (1.0 - config.limb_recovery) + (1.0 - before) * config.limb_loss
-        elsewhere = _beyond(LOST_TIP_M, sigma_m)
+        elsewhere = _beyond(self._lost_tip_m, sigma_m)
         if i > 0:  # what hangs on a lost trunk is lost, whatever it happens to lie on
             elsewhere = max(elsewhere, float(self.probabilities[0]))
         outline, self.shares[i] = 0.0, np.nan
@@ -305,8 +316,8 @@ class LimbJudge:
             outline, self.shares[i] = self.odds(i, measures), np.minimum(measures / self._levels[i], _MOST_OF_LEVEL)
         if i > 0 and not math.isnan(others):
             agrees = others + max(outline, -beside) <= _CONFIRMED
-            self._confirmed[i] = agrees and sigma_m <= KNOWN_M
-            self._guessed[i] = not agrees and sigma_m <= (KNOWN_M if p < config.limb_lost else LOST_TIP_M)
+            self._confirmed[i] = agrees and sigma_m <= self._known_m
+            self._guessed[i] = not agrees and sigma_m <= (self._known_m if p < config.limb_lost else self._lost_tip_m)
         others = 0.0 if math.isnan(others) else others
         if measures is None and not others:
             self.probabilities[i] = p
@@ -328,15 +339,22 @@ class LimbJudge:
             status, reason = LimbStatus.DEGRADED, "it may as well be elsewhere"
         elif status is LimbStatus.TRACKING and not self._confirmed[i]:
             status, reason = LimbStatus.DEGRADED, "hidden, or not where a detector guesses it"
-            if sigma_m > KNOWN_M:
+            if sigma_m > self._known_m:
                 reason = f"its end is known to {1e3 * sigma_m:.0f} mm"
         elif status is not LimbStatus.TRACKING:
             reason = "its points are elsewhere"
             if measures is not None and others <= max(outline, 0.0):
                 reason = f"{100.0 * measures[0]:.0f} % of its outline are found"
             if elsewhere > p:
-                reason = f"its end may be elsewhere: known to {1e3 * sigma_m:.0f} mm" if sigma_m > 0.05 else "the trunk is"
+                by_itself = sigma_m > self._lost_tip_m / 3.0
+                reason = f"its end may be elsewhere: known to {1e3 * sigma_m:.0f} mm" if by_itself else "the trunk is"
         return LimbReport(limb.name, status, reason, probability)
+
+    def _at_depth(self, report: LimbReport, depth_m: float) -> LimbReport:
+        """Of a limb of a body whose depth is known so well."""
+        if report.status is not LimbStatus.TRACKING or depth_m <= self._known_m:
+            return report
+        return replace(report, status=LimbStatus.DEGRADED, reason=f"its depth is known to {1e3 * depth_m:.0f} mm")
 
     def _status(self, probability: float) -> LimbStatus:
         if probability >= self._config.limb_lost:
@@ -408,6 +426,33 @@ class LimbJudge:
         sigma_m = float(self.tip_sigmas(state, covariance)[0])
         return f"{self.limbs[0].name} is known to {1e3 * sigma_m:.0f} mm" if sigma_m > self._known_m else ""
 
+    @cached_property
+    def _widths_m(self) -> np.ndarray:
+        """(n_limbs,) meters, of the shape in the middle."""
+        radii = np.array([rows[:, [START_RADIUS, END_RADIUS]].max(initial=0.0) for rows in self._model.capsules])
+        return np.array([2.0 * np.median(radii[limb.shapes]) if limb.shapes.any() else np.inf for limb in self.limbs])
+
+    def too_thin(self, reports: Sequence[LimbReport], px_per_m: float) -> tuple[LimbReport, ...]:
+        """Reports of limbs that no points confirm, some of them too narrow in the images to be told from others.
+
+        Parameters
+        ----------
+        reports : one a limb.
+        px_per_m : pixels of a meter at the body.
+
+        Returns
+        -------
+        Those that were TRACKING, and are narrower than `_LEAST_WIDTH_PX`, are DEGRADED.
+        """
+        if len(self.limbs) == 1:
+            return tuple(reports)
+        return tuple(
+            replace(each, status=LimbStatus.DEGRADED, reason=f"it is {width:.1f} pixels wide")
+            if each.status is LimbStatus.TRACKING and width < _LEAST_WIDTH_PX
+            else each
+            for each, width in zip(reports, (px_per_m * self._widths_m).tolist(), strict=True)
+        )
+
     def part_weights(self, reports: Sequence[LimbReport]) -> np.ndarray:
         """(n_shapes,) 1 for the parts of limbs that are TRACKING, 0 for others."""
         result = np.ones(len(self._model.shapes))
@@ -429,13 +474,6 @@ class LimbJudge:
             if guessed:
                 result[limb.dofs] = np.minimum(result[limb.dofs], _OF_GUESSES)
         return result
-
-
-def _at_depth(report: LimbReport, depth_m: float) -> LimbReport:
-    """Of a limb of a body whose depth is known so well."""
-    if report.status is not LimbStatus.TRACKING or depth_m <= KNOWN_M:
-        return report
-    return replace(report, status=LimbStatus.DEGRADED, reason=f"its depth is known to {1e3 * depth_m:.0f} mm")
 
 
 def _beyond(distance: float, sigma: float) -> float:

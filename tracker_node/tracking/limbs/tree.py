@@ -13,11 +13,13 @@ import numpy as np
 
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
+from ...model.humans.keypoints import is_person
 from ...model.kinematic_chain import N_ROOT_DOF, KinematicChain
 from ...render.contour.generators import world_spheres
 from ...render.shape_arrays import bounding_spheres
 
 _LEAST_SIZE = 0.1  # of the whole body, that a limb has
+_PERSON_M = 2.05  # `thing_size` of a person
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +87,11 @@ def thing_size(model: ArticulatedModel) -> float:
     spheres = neutral_spheres(model)
     middle = spheres[:, :3].mean(axis=0)
     return 2.0 * float((np.linalg.norm(spheres[:, :3] - middle, axis=1) + spheres[:, 3]).max())
+
+
+def length_scale(model: ArticulatedModel) -> float:
+    """Factor of lengths that are given for people: 1 of people, whatever their size; else the body's size in that of a person."""
+    return 1.0 if is_person(model) else thing_size(model) / _PERSON_M
 
 
 def _small(model: ArticulatedModel, stretches: list[_Stretch]) -> set[int]:
