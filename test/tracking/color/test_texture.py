@@ -60,9 +60,9 @@ def test_a_plate_that_was_gone_for_long_is_looked_for_in_all_images_and_found():
     search = {"after_lost_sets": 2, "interval_sets": 0, "watch_sets": 4}
     config = from_dict({"modalities": ["texture"], "texture": {"search_states": 20}, "initialization": search})
     tracker, away = Tracker(rig(), MODEL, config, initial_state=TRUE), moved(TRUE, 0.18, 20.0)
-    states = [TRUE, *[None] * 6, *[away] * 10]
+    states = [*[None] * 3, *[TRUE] * 3, *[None] * 6, *[away] * 10]
     estimates = [tracker.step(image_set(n * PERIOD_NS, film(state))) for n, state in enumerate(states)]
-    assert {estimate.status for estimate in estimates[1:7]} == {Status.LOST}
+    assert {estimate.status for estimate in estimates[6:12]} == {Status.LOST}
     assert estimates[-1].status is Status.TRACKING
     assert errors(estimates[-1].state, away)[0] < 1.0
 

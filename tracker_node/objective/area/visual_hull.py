@@ -128,16 +128,18 @@ def places(volume: Volume, occupied: np.ndarray, size_m: float, n: int) -> np.nd
     """
     solid = np.where(occupied > _SOLID, occupied, 0.0)
     mass = ndimage.gaussian_filter(solid, 0.18 * size_m / volume.step_m).ravel()
-    points, least_mass = volume.points, 0.05 * float(mass.max(initial=0.0))
+    likely = np.flatnonzero(mass > max(0.05 * float(mass.max(initial=0.0)), 1e-3))  # of a million points, some thousand
+    points, mass, inside = volume.points, mass[likely], np.flatnonzero(solid)
+    body, weights, points = points[inside], solid.ravel()[inside], points[likely]
     found: list[np.ndarray] = []
-    while len(found) < n and mass.max() > max(least_mass, 1e-3):
+    while len(found) < n and len(mass):
         peak = points[np.argmax(mass)]
         middle = peak
         for _ in range(4):  # to the middle of what is around
-            near = np.exp(-0.5 * np.sum((points - middle) ** 2, axis=1) / (0.4 * size_m) ** 2) * solid.ravel()
-            middle = near @ points / max(float(near.sum()), 1e-9)
+            near = np.exp(-0.5 * np.sum((body - middle) ** 2, axis=1) / (0.4 * size_m) ** 2) * weights
+            middle = near @ body / max(float(near.sum()), 1e-9)
         if all(np.linalg.norm(middle - other) > 0.25 * size_m for other in found):
             found.append(middle)
-        mass[np.sum((points - peak) ** 2, axis=1) < (0.25 * size_m) ** 2] = 0.0
-        mass[np.sum((points - middle) ** 2, axis=1) < (0.25 * size_m) ** 2] = 0.0
+        rest = [np.sum((points - at) ** 2, axis=1) >= (0.25 * size_m) ** 2 for at in (peak, middle)]
+        points, mass = points[rest[0] & rest[1]], mass[rest[0] & rest[1]]
     return np.array(found).reshape(-1, 3)
