@@ -68,7 +68,7 @@ def test_a_robot_is_found_without_a_first_pose():
     clip = robot_at_work()
     tracker = Tracker(clip.rig, clip.model, from_dict({}), clip.backgrounds)
     found = [tracker.step(s) for s in clip.sets[:4]]
-    assert found[-1].status is Status.TRACKING
+    assert found[-1].status is Status.DEGRADED and "turned" in found[-1].status_reason  # its column looks the same all around
     assert clip.errors_mm(found)[-1].max() < 15.0
 
 

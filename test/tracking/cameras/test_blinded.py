@@ -78,6 +78,15 @@ def test_a_picture_that_changes_is_no_fault_while_the_body_is_found(picture):
     assert cameras.faults == ()
 
 
+def test_a_camera_that_finds_less_in_a_plain_room_is_not_out_of_focus():
+    """Its pictures have had no sharp edges that could have gone."""
+    cameras = BlindedCameras(NAMES)
+    for k in range(N_BEFORE + 6):
+        share = np.array([1.0, 1.0 if k < N_BEFORE else 0.6, 1.0])
+        cameras.look(k, [striped(contrast=0.0, noise=4.0, seed=3 * k + i) for i in range(3)], USUAL * share)
+    assert cameras.faults == ()
+
+
 def test_a_camera_that_finds_less_before_another_wall_is_no_fault():
     cameras = followed()
     went_on(cameras, striped(), 0.5, 6)

@@ -1,5 +1,7 @@
 """Turns that no image tells are found in models, left out of the information, and said of a body that is found again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,6 +113,28 @@ def test_the_roll_of_a_limb_that_ends_in_a_body_of_revolution_is_found():
     np.testing.assert_array_equal(np.flatnonzero(spin), [7])
     assert symmetry_of(with_head(shape(Box((0.1, 0.1, 0.2)), at(z=0.1), link="head"))).dofs == ()
     assert symmetry_of(with_head(shape(CYLINDER, at(x=0.05), link="head"))).dofs == ()
+
+
+@pytest.mark.parametrize(("base", "degrees"), [
+    (CYLINDER, [35, 60, 72, 90, 120, 180]), (Box((0.2, 0.2, 0.3)), [90, 180]), (Box((0.2, 0.1, 0.3)), [180]),
+])  # fmt: skip
+def test_a_robot_may_stand_turned_on_a_base_that_looks_the_same(base, degrees):
+    turn, lift = Axis("turn", (0, 0, 1.0)), Axis("lift", (0, 1.0, 0))
+    T = se3.from_rotation_translation(so3.exp(np.array([0.0, 0.0, 0.4])), np.array([0.0, 0.0, 0.2]))
+    chain = KinematicChain(("base", "arm"), (Joint("shoulder", "base", "arm", T, (turn, lift)),))
+    shapes = [shape(Box((0.4, 0.05, 0.05)), at(x=0.2), link="arm")]
+    model = ArticulatedModel("robot", chain, (*shapes, shape(base, link="base")))
+    symmetry = symmetry_of(model)
+    assert np.degrees(symmetry.turns).round().tolist() == degrees
+    assert (symmetry.base == 6) == (base is CYLINDER)
+    for spin in symmetry.spins(Configuration(model, State.neutral(model))):
+        before, after = (Configuration(model, State.neutral(model).retract(k * spin)) for k in (0.0, 1e-3))
+        np.testing.assert_allclose(after.Ts_world_link[1], before.Ts_world_link[1], atol=2e-6)
+        assert so3.log(after.Ts_world_link[0][:3, :3]) == pytest.approx([0.0, 0.0, -1e-3], abs=1e-6)
+    hip = Joint("hip", "base", "leg", at(z=-0.2), (replace(lift, name="hip"),))
+    two = KinematicChain(("base", "arm", "leg"), (*chain.joints, hip))
+    legged = ArticulatedModel("robot", two, (*model.shapes, *(replace(each, link="leg") for each in shapes)))
+    assert symmetry_of(legged).turns == ()
 
 
 def test_information_without_a_direction_knows_nothing_of_it_and_all_of_the_others_that_is_independent():

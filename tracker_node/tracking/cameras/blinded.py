@@ -58,8 +58,9 @@ class _Picture:
 
     @property
     def is_blurred(self) -> bool:
-        """Whether it is far less sharp than usual."""
-        return self.now is not None and bool(self.now[0] < _BLURRED * max(self._usual[0], 1.0))
+        """Whether it is far less sharp than usual: a plain room has hardly an edge that tells, beside its noise."""
+        usual, noise = self._usual.tolist()
+        return self.now is not None and usual > max(noise, 1.0) and bool(self.now[0] < _BLURRED * usual)
 
     @property
     def is_noisy(self) -> bool:

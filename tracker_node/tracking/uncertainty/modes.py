@@ -42,24 +42,30 @@ class Symmetry:
 
     Attributes
     ----------
-    turns : angles about some axis of a body without joints, radians, from small to large; 35 degrees stand for any.
+    turns : angles about some axis of a body without joints, or of its base about the one joint on it, radians, from small to
+        large; 35 degrees stand for any.
     axis : (2, 3) a point of the axis about which any turn of the whole body will do, meters in the frame of the root link, and
         its direction; (4, 3) three directions of a ball; None.
     dofs : indices of the joint axes that turn the end of a limb about its axis of revolution.
+    base : index of the joint axis that a base of revolution may be turned about, and all else back; None.
     """
 
     turns: tuple[float, ...] = ()
     axis: np.ndarray | None = None
     dofs: tuple[int, ...] = ()
+    base: int | None = None
 
     @property
     def has_spins(self) -> bool:
         """Whether there is any axis of revolution."""
-        return self.axis is not None or bool(self.dofs)
+        return self.axis is not None or bool(self.dofs) or self.base is not None
 
     def spins(self, body: Configuration) -> list[np.ndarray]:
         """Tangents (n_dof,) along which the body turns about an axis of revolution."""
         found = [np.eye(body.model.n_dof)[dof] for dof in self.dofs]
+        if self.base is not None:
+            found.append(np.eye(body.model.n_dof)[self.base])
+            found[-1][:N_ROOT_DOF] = np.linalg.solve(body.twists[:N_ROOT_DOF].T, -body.twists[self.base])
         if self.axis is not None:
             T = body.Ts_world_link[0]
             for direction in self.axis[1:] @ T[:3, :3].T:
@@ -79,10 +85,11 @@ def symmetry_of(model: ArticulatedModel, by_texture: bool = False) -> Symmetry:
 
     Returns
     -------
-    ``turns`` and ``axis`` of a body without joints, ``dofs`` of others.
+    ``turns`` and ``axis`` of a body without joints, ``dofs``, ``base`` and its ``turns`` of others.
     """
     if model.n_dof > N_ROOT_DOF:
-        return Symmetry(dofs=tuple(_rolls(model, by_texture)))
+        dof, turns = _of_base(model, by_texture)
+        return Symmetry(turns, None, tuple(_rolls(model, by_texture)), dof if turns[:1] == ANGLES[:1] else None)
     whole = _Surface.of(model, range(len(model.shapes)), by_texture)
     if whole is None:
         return Symmetry()
@@ -107,6 +114,26 @@ def _rolls(model: ArticulatedModel, by_texture: bool) -> Iterator[int]:
         v, w = neutral.twists[dof, :3], neutral.twists[dof, 3:]
         if end is not None and end.is_mapped(np.cross(w, v), w, ANGLES[0]):
             yield dof
+
+
+def _of_base(model: ArticulatedModel, by_texture: bool) -> tuple[int | None, tuple[float, ...]]:
+    """Index of the only axis on the root link, where all else hangs on it, and the turns about it that map the base onto itself.
+
+    Of a base without a shape, these are all.
+    """
+    moved = model.chain.link_moved_by[model.shape_links][:, N_ROOT_DOF:]
+    on_base = ~moved.any(axis=1)
+    first = np.flatnonzero((moved == ~on_base[:, None]).all(axis=0))
+    axes = [axis for joint in model.chain.joints for axis in joint.axes]
+    if not len(first) or axes[first[0]].prismatic:
+        return None, ()
+    dof = N_ROOT_DOF + int(first[0])
+    base = _Surface.of(model, np.flatnonzero(on_base), by_texture)
+    if base is None:
+        return (None, ()) if on_base.any() else (dof, ANGLES)
+    twist = Configuration(model, State.neutral(model)).twists[dof]
+    about = np.cross(twist[3:], twist[:3]), twist[3:]
+    return dof, tuple(angle for angle in ANGLES if base.is_mapped(*about, angle))
 
 
 @dataclass(frozen=True, eq=False)
