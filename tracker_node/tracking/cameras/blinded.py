@@ -18,15 +18,16 @@ import numpy as np
 
 from ..estimate import BLIND, DEFOCUSED, NOISY, CameraFault
 
-_EVERY_ROW, _ROWS = 32, 20  # of an image is looked at, but no more than so many
-_SHARPEST = 0.9  # quantile of the second differences, beyond which they are of edges
-_NOISE_OF_EDGES = 3.06  # what noise alone has beyond that quantile, on average, in medians: both of absolute normal values
+_EVERY_ROW, _ROWS = 16, 30  # of an image is looked at, but no more than so many
+_SHARPEST = 0.99  # quantile of the second differences, beyond which they are of edges, even in a plain room
+_NOISE_OF_EDGES = 4.29  # what noise alone has beyond that quantile, on average, in medians: both of absolute normal values
 _RATE = 0.05  # weight of the newest image set in what is usual
 _LEAST_SUPPORT = 2.0  # of a body that is seen at all: what is less in all cameras tells nothing of one
 _CHANCE = 3.0  # support wherever a body is put
 _PROVED = 0.45  # of what is usual of the others: a camera that has so much has shown the body at some time
 _BLIND, _WEAK = 0.3, 0.9  # shares of what is usual, below which a camera shows nothing of the body, or less than it did
 _BLURRED, _NOISIER, _NOISE_LEVELS = 0.5, 3.0, 5.0  # of sharpness; of noise, and gray levels more
+_EDGES = 1.5  # sharpness in that of noise, with which there are edges that tell
 _SHOWN, _SHOWN_NS = 0.5, 1_000_000_000  # share of its points, by which a detector finds a body; how long that counts, or a miss
 _NAMED_SETS = 3  # in a row, from which on a camera is named, and left out if it is blind...
 _AGAIN_SETS = 10  # ...but for one set of so many, in which it may show the body again
@@ -58,9 +59,9 @@ class _Picture:
 
     @property
     def is_blurred(self) -> bool:
-        """Whether it is far less sharp than usual: a plain room has hardly an edge that tells, beside its noise."""
+        """Whether it is far less sharp than usual."""
         usual, noise = self._usual.tolist()
-        return self.now is not None and usual > max(noise, 1.0) and bool(self.now[0] < _BLURRED * usual)
+        return self.now is not None and usual > max(_EDGES * noise, 1.0) and bool(self.now[0] < _BLURRED * usual)
 
     @property
     def is_noisy(self) -> bool:
