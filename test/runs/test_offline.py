@@ -237,6 +237,16 @@ def test_an_image_that_is_missing_in_a_folder_shifts_nothing(own_clip: Clip, fin
     assert np.abs(got.rows[-1].values - whole.rows[-1].values).max() < 0.01
 
 
+def test_gray_images_are_told_where_outlines_go_by_colors(own_clip: Clip, tmp_path: Path) -> None:
+    path = own_clip.folder / "cam02/0000.png"
+    cv2.imwrite(str(path), cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2GRAY))
+    run = offline_run(own_clip, max_sets=1)
+    for modalities, told in ((("region",), ["cam02"]), (("chamfer",), [])):
+        config = replace(run.config, modalities=modalities)
+        notes = run_offline(replace(run, config=config), tmp_path / modalities[0])["notes"]
+        assert [note.split()[0] for note in notes if "without colors" in note] == told
+
+
 def test_folders_that_begin_at_different_numbers_are_told(own_clip: Clip) -> None:
     for i in range(3):
         (own_clip.folder / f"cam02/{i:04d}.png").unlink()

@@ -412,6 +412,7 @@ def _what_mostly(name: str) -> str:
     return f"{name.split('(')[0]}some axis" if name.startswith("root ") else name.split()[0]
 
 
+_EVERY_ROW = 16  # of an image is looked at for colors
 _MANY_SETS = 10  # in none of which a camera shows the body, after which that is noted
 
 
@@ -460,12 +461,23 @@ class _Record:
         return [f"{name} {told}" for name in never]
 
 
+def _without_colors(image_set: ImageSet, config: TrackerConfig) -> list[str]:
+    """Says which images are gray, where outlines alone are to tell the body by its colors."""
+    rows = {image.camera: image.pixels[::_EVERY_ROW] for image in image_set.images}
+    gray = [name for name, of in rows.items() if np.ptp(of) and (of == of[:, :, :1]).all()]
+    if not gray or REGION not in config.modalities or KEYPOINTS in config.modalities:
+        return []
+    return [f"{', '.join(gray)} without colors, by which region tells a body: chamfer with backgrounds, or points, tell more"]
+
+
 def _track(
     run: OfflineRun, loop: TrackingLoop, stream: ImageSetStream, followers: _Followers, progress: Progress | None
 ) -> None:
     together = loop.tracker
     assert isinstance(together, Bodies)
     for n, image_set in enumerate(stream, 1):
+        if n == 1:
+            stream.notes += _without_colors(image_set, run.config)
         worst = loop.step(image_set)
         followers.take(together, loop.tracked_set or image_set)
         if progress is not None:
