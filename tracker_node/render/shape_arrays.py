@@ -17,9 +17,11 @@ from ..camera.distortion import MODEL_IDS, distort, undistort
 from ..camera.model import CameraModel
 from ..compiled.kernels import compiled
 from ..model.articulated import ArticulatedModel
+from ..model.configuration import Configuration
 from ..model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from . import solids
 
+PLACES = 4  # of a shape, see `shape_places`
 PADDING = 16  # rows of a table are filled up to a multiple of this
 
 Owner = TypeVar("Owner")
@@ -191,6 +193,24 @@ def _surfaces(primitives: list[Primitive], caps: bool) -> tuple[np.ndarray, np.n
 def bounding_spheres(model: ArticulatedModel) -> np.ndarray:
     """(n_shapes, 4) those of all shapes of a model."""
     return np.array([bounding_sphere(shape.primitive) for shape in model.shapes]).reshape(-1, 4)
+
+
+def shape_places(body: Configuration, bounds: np.ndarray) -> np.ndarray:
+    """Points by which it is seen where the shapes of a body are.
+
+    Parameters
+    ----------
+    body : at its state.
+    bounds : (n_shapes, 4) `bounding_spheres`.
+
+    Returns
+    -------
+    (`PLACES` n_shapes, 3) meters, world: of each shape the middle, and as far as it reaches along its three axes.
+    """
+    T = body.Ts_world_shape
+    middles = (np.einsum("nij,nj->ni", T[:, :3, :3], bounds[:, :3]) + T[:, :3, 3])[:, None]
+    spokes = bounds[:, 3, None, None] * np.swapaxes(T[:, :3, :3], 1, 2)
+    return np.concatenate([middles, middles + spokes], axis=1).reshape(-1, 3)
 
 
 def bounding_sphere(primitive: Primitive) -> np.ndarray:

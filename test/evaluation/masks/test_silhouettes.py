@@ -1,5 +1,6 @@
 """Pictures of the tracked body: which are taken, how they are cut, and in which rows."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,10 @@ from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.errors import TrackerError
 from tracker_node.evaluation.masks import silhouettes as module
 from tracker_node.evaluation.masks.silhouettes import Picture, contact_sheet, spread
+from tracker_node.geometry import se3
+from tracker_node.model.configuration import Configuration, State
+from tracker_node.render.raycast.raycaster import render_mask
+from tracker_node.synthesis.subjects.figure import figure_model
 
 
 @pytest.mark.parametrize(
@@ -33,17 +38,18 @@ def test_pictures_have_the_height_asked_for():
     assert module._of_height(np.zeros((1000, 1, 3), np.uint8), 40).shape == (40, 1, 3)
 
 
-def test_the_box_is_around_the_body_with_a_margin():
-    camera = circle_rig(1).cameras[0]
-    one = SimpleNamespace(landmarks_world=np.array([[0.0, 0.0, 1.0]]))
-    two = SimpleNamespace(landmarks_world=np.array([[0.0, 0.0, 1.3], [0.0, 0.0, 90.0]]))
-    pixels, _ = camera.project(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.3]]))
-    (u0, v0), (u1, v1) = pixels.min(axis=0), pixels.max(axis=0)
-    margin = 0.15 * (v1 - v0) + 1.0
-    rows, columns = module._box([one, two], camera)
-    assert (rows.start, rows.stop) == (int(v0 - margin), int(np.ceil(v1 + margin)) + 1)
-    assert (columns.start, columns.stop) == (int(u0 - margin), int(np.ceil(u1 + margin)) + 1)
-    assert module._box([one], camera) == module._box([], camera) == (slice(None), slice(None))
+@pytest.mark.parametrize("landmarks", [True, False])
+def test_all_of_the_body_is_in_the_box_with_a_margin(landmarks):
+    """Also what reaches beyond the landmarks, as the links of robots do."""
+    camera, model = circle_rig(1).cameras[0], figure_model()
+    model = model if landmarks else replace(model, landmarks=())
+    body = Configuration(model, State.neutral(model, se3.from_rotation_translation(np.eye(3), np.array([0.1, 0.2, 1.0]))))
+    rows, columns = module._box([body], camera)
+    v, u = np.nonzero(render_mask(body, camera))
+    assert rows.start < v.min() and v.max() < rows.stop - 1 and columns.start < u.min() and u.max() < columns.stop - 1
+    assert rows.stop - rows.start < 1.5 * np.ptp(v)
+    away = Configuration(model, State.neutral(model, se3.from_rotation_translation(np.eye(3), np.array([0.0, 0.0, 90.0]))))
+    assert module._box([away], camera) == module._box([], camera) == (slice(None), slice(None))
 
 
 def test_masks_are_brought_to_the_pixels_of_the_camera():

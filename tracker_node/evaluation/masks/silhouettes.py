@@ -21,6 +21,7 @@ from ...model.configuration import Configuration
 from ...parallel import Workers
 from ...render.overlay import draw_overlay, masked_image
 from ...render.raycast.raycaster import render_mask
+from ...render.shape_arrays import PLACES, bounding_spheres, shape_places
 from ...runs.data import RunData
 from ...runs.images import image_bags_of
 from ..evaluate import SilhouetteScores, image_numbers
@@ -184,13 +185,15 @@ def _of_height(picture: np.ndarray, height: int) -> np.ndarray:
 
 def _box(configurations: Sequence[Configuration], camera: Camera) -> tuple[slice, slice]:
     """The part of a camera's images that the body is in, in all ``configurations``, with a margin."""
-    points = np.concatenate([c.landmarks_world for c in configurations]) if configurations else np.zeros((0, 3))
+    places = [shape_places(body, bounding_spheres(body.model)).reshape(-1, PLACES, 3) for body in configurations]
+    both_ways = [np.concatenate([each, 2.0 * each[:, :1] - each[:, 1:]], axis=1).reshape(-1, 3) for each in places]
+    points = np.concatenate([np.zeros((0, 3)), *(body.landmarks_world for body in configurations), *both_ways])
     pixels, valid = camera.project(points)
     pixels = pixels[valid & camera.model.in_image(pixels)]
     if len(pixels) < 2:
         return slice(None), slice(None)
     low, high = pixels.min(axis=0), pixels.max(axis=0)
-    margin = 0.15 * float((high - low).max()) + 1.0
+    margin = 0.05 * float((high - low).max()) + 1.0
     (u0, v0), (u1, v1) = np.maximum(low - margin, 0).astype(int), np.ceil(high + margin).astype(int)
     return slice(v0, v1 + 1), slice(u0, u1 + 1)
 

@@ -16,7 +16,7 @@ import numpy as np
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
-from ...render.shape_arrays import ShapeArrays
+from ...render.shape_arrays import bounding_spheres, shape_places
 from ..estimate import FROZEN, CameraFault
 
 _EVERY_ROW, _ROWS = 8, 60  # of an image is compared, but no more than so many
@@ -43,7 +43,7 @@ class FrozenCameras:
     """
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel):
-        self._rig, self._model, self._bounds = rig, model, ShapeArrays.from_model(model).bounds
+        self._rig, self._model, self._bounds = rig, model, bounding_spheres(model)
         self.reset()
 
     def reset(self) -> None:
@@ -86,14 +86,9 @@ class FrozenCameras:
         """Whether anything of the body has moved in the image of camera ``i``."""
         if before is None or now is None:
             return False
-        (pixels, seen), (was, was_seen) = (self._rig.cameras[i].project(self._places(state)) for state in (now, before))
+        bodies = (configured(self._model, state) for state in (now, before))
+        (pixels, seen), (was, was_seen) = (self._rig.cameras[i].project(shape_places(body, self._bounds)) for body in bodies)
         return bool(np.any(np.linalg.norm(pixels - was, axis=1)[seen & was_seen] > _MOVED_PX))
-
-    def _places(self, state: State) -> np.ndarray:
-        """(n, 3) where all shapes are, and how far they reach along their axes."""
-        T, reach = configured(self._model, state).Ts_world_shape, self._bounds[:, 3, None]
-        middles = np.einsum("nij,nj->ni", T[:, :3, :3], self._bounds[:, :3]) + T[:, :3, 3]
-        return np.concatenate([middles, *(middles + reach * T[:, :3, axis] for axis in range(3))])
 
 
 def _equal(rows: np.ndarray, others: np.ndarray) -> bool:

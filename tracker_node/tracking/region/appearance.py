@@ -19,13 +19,10 @@ from ...observation.chamfer.observer import checked_backgrounds
 from ...observation.region.background import NO_COLORS, RegionBackground
 from ...observation.region.colors import RegionColors, color_classes, stated_densities, trust_stated_colors
 from ...observation.region.silhouette import odds_table, packed
-from ...render.contour.generators import world_spheres
 from ...render.occluders import Occluders
-from ...render.shape_arrays import bounding_spheres
+from ...render.shape_arrays import PLACES, bounding_spheres, shape_places
 from ..config import BackgroundConfig, KeypointConfig, RegionConfig
 from ..modality import Images, Persons
-
-_PLACES = 4  # of a shape, by which its way is measured
 
 
 class RegionAppearance:
@@ -147,18 +144,14 @@ class RegionAppearance:
                 if in_place is not None:
                     everybody = self._occluders.with_neighbors(i, found)
                     doubted = NO_COLORS if in_place.all() else self._colors[i].as_likely_of(~in_place)
-                    known = np.where(np.repeat(in_place, _PLACES)[:, None], places, np.nan)
+                    known = np.where(np.repeat(in_place, PLACES)[:, None], places, np.nan)
                     self._rooms[i].learn(image, everybody.region, everybody.labels, known, every, doubted)
 
         self._parallel(learn, [i for i, image in enumerate(images) if image is not None])
 
     def _places(self, i: int, body: Configuration) -> np.ndarray:
-        """(`_PLACES` n_shapes, 2) pixels of the middle of every shape, and points on its axes; not a number behind the camera."""
-        Ts, spheres = body.Ts_world_shape, np.empty_like(self._bounds)
-        world_spheres(Ts, self._bounds, spheres)
-        middles = spheres[:, None, :3]
-        spokes = spheres[:, 3, None, None] * np.swapaxes(Ts[:, :3, :3], 1, 2)
-        pixels, ahead = self._rig.cameras[i].project(np.concatenate([middles, middles + spokes], axis=1).reshape(-1, 3))
+        """(`PLACES` n_shapes, 2) pixels of `shape_places`; not a number behind the camera."""
+        pixels, ahead = self._rig.cameras[i].project(shape_places(body, self._bounds))
         return np.where(ahead[:, None], pixels, np.nan)
 
     def trust_stated(self) -> None:
