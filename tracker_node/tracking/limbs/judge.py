@@ -178,7 +178,6 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
-        self._tips = np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
         self._lost_tip_m = LOST_TIP_M * (min(length_scale(model), 1.0) if len(self.limbs) > 1 else 1.0)
         self._known_m = known_m(model)
         self._sigmas_of: tuple[Any, Any, np.ndarray] = None, None, np.zeros(0)  # of which state and covariance, the last ones
@@ -425,6 +424,11 @@ class LimbJudge:
             return f"{100.0 * found:.0f} % of its outline are found"
         sigma_m = float(self.tip_sigmas(state, covariance)[0])
         return f"{self.limbs[0].name} is known to {1e3 * sigma_m:.0f} mm" if sigma_m > self._known_m else ""
+
+    @cached_property
+    def _tips(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n_limbs,) links that limbs end on, and (n_limbs, 3) where in them, meters."""
+        return np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
 
     @cached_property
     def _widths_m(self) -> np.ndarray:
