@@ -89,7 +89,7 @@ def _construct_mapping(loader: yaml.SafeLoader, node: yaml.MappingNode) -> dict:
 
 
 class OpenCvMatrix(dict):
-    """A mapping that OpenCV marks as a matrix: rows, cols, dt and data."""
+    """A mapping that OpenCV marks as a matrix: rows and cols or sizes, dt and data."""
 
 
 def _construct_list(loader: yaml.SafeLoader, node: yaml.Node) -> list:
@@ -123,7 +123,9 @@ _CONSTRUCTORS: dict[str, Callable] = {
     "map": _construct_mapping,
     "seq": _construct_list,
     "str": lambda loader, node: loader.construct_scalar(node),
-    "opencv-matrix": lambda loader, node: OpenCvMatrix(_construct_mapping(loader, node)),
+    **dict.fromkeys(
+        ("opencv-matrix", "opencv-nd-matrix"), lambda loader, node: OpenCvMatrix(_construct_mapping(loader, node))
+    ),
     "null": _scalar("null", lambda text: None),
     "bool": _scalar("bool", lambda text: text.lower() == "true"),
     "int": _scalar("int", _integer),

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.calibration.points.dlt import camera_of_parameters, dlt_parameters
 from tracker_node.camera.distortion import COEFFICIENT_COUNTS
 from tracker_node.camera.model import CameraModel
@@ -227,6 +228,43 @@ def test_matrices_may_be_plain_sequences(tmp_path):
     for camera in (single, placed):
         np.testing.assert_array_equal(camera.model.K, [[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(placed.center, [0.0, 0.0, -1.0])
+
+
+def camera_files(folder, rig, rotation, translation):
+    """A file per camera, with its pose under these names, as somebody's own program writes it."""
+    for camera in rig:
+        turn = camera.T_cam_world[:3, :3] if rotation == "R" else so3.log(camera.T_cam_world[:3, :3])
+        lines = [f"{rotation}: {turn.ravel().tolist()}", f"{translation}: {camera.T_cam_world[:3, 3].tolist()}"]
+        (folder / f"{camera.name}.yml").write_text("%YAML:1.0\n---\n" + LENS + "\n".join(lines) + "\n")
+    return [folder / f"{camera.name}.yml" for camera in rig]
+
+
+@pytest.mark.parametrize("names", [("rvec", "tvec"), ("R", "T")])
+def test_opencv_files_of_a_camera_each_are_a_rig(tmp_path, names):
+    """All but the first were dropped, and the first stood at the origin."""
+    rig = circle_rig(3)
+    files = camera_files(tmp_path, rig, *names)
+    read = load_opencv(files)
+    assert read.names == rig.names
+    for camera in rig:
+        np.testing.assert_allclose(read[camera.name].T_world_cam, camera.T_world_cam, atol=1e-12)
+    np.testing.assert_allclose(load_opencv(files[1:2])[rig.names[1]].center, rig.cameras[1].center, atol=1e-12)
+
+
+@pytest.mark.parametrize("missing", [("rvec", "tvec"), ("tvec",)])
+def test_opencv_files_of_a_camera_each_need_poses(tmp_path, missing):
+    files = camera_files(tmp_path, circle_rig(2), "rvec", "tvec")
+    for name in missing:
+        files[1].write_text(files[1].read_text().replace(f"{name}:", f"no_{name}:"))
+    with pytest.raises(FileFormatError) as caught:
+        load_opencv(files)
+    assert (caught.value.file, caught.value.field) == (str(files[1]), missing[0])
+
+
+def test_two_opencv_rigs_are_not_one(tmp_path):
+    path = opencv_yaml(tmp_path, "cameras:\n" + ENTRY)
+    with pytest.raises(FileFormatError, match="one file with it"):
+        load_opencv([path, path])
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,25 @@ def test_what_opencv_writes_is_read(tmp_path: Path, extension: str) -> None:
     assert [camera["name"] for camera in nodes["cameras_"]] == ["left0", "left1"]
 
 
+ARRAYS = {
+    ".yml": "%YAML:1.0\n---\nd: !!opencv-nd-matrix\n   sizes: [ 3 ]\n   dt: d\n   data: [ 0., 1., 2. ]\n"
+    "e: !!opencv-nd-matrix { sizes: [ 2, 1 ], dt: d, data: [ 3., 4. ] }\n",
+    ".xml": '<?xml version="1.0"?><opencv_storage><d type_id="opencv-nd-matrix"><sizes>\n    3</sizes><dt>d</dt><data>\n 0. 1. 2.'
+    '</data></d><e type_id="opencv-nd-matrix"><sizes>2 1</sizes><dt>d</dt><data>3. 4.</data></e></opencv_storage>',
+    ".json": '{"d": {"type_id": "opencv-nd-matrix", "sizes": [3], "dt": "d", "data": [0.0, 1.0, 2.0]},'
+    ' "e": {"type_id": "opencv-nd-matrix", "sizes": [2, 1], "dt": "d", "data": [3.0, 4.0]}}',
+}
+
+
+@pytest.mark.parametrize("extension", ARRAYS)
+def test_arrays_as_opencv_5_writes_them_are_read(tmp_path: Path, extension: str) -> None:
+    path = tmp_path / f"a{extension}"
+    path.write_text(ARRAYS[extension])
+    nodes = read_storage(path)
+    assert nodes["d"].tolist() == [0.0, 1.0, 2.0]
+    assert nodes["e"].tolist() == [[3.0], [4.0]]
+
+
 DEEP = 100_000
 ENTITIES = (f'<!ENTITY a{i} "&a{i - 1};&a{i - 1};">' for i in range(1, 30))
 BOMB = '<!DOCTYPE a [<!ENTITY a0 "aaaaaaaaaa">' + "".join(ENTITIES)
@@ -60,6 +79,7 @@ BOMB = '<!DOCTYPE a [<!ENTITY a0 "aaaaaaaaaa">' + "".join(ENTITIES)
         f'<?xml version="1.0"?>{BOMB}]><opencv_storage>&a29;</opencv_storage>', "%YAML:1.0\n---\nK: !!opencv-matrix [1]",
         "%YAML:1.0\n---\nK: !!opencv-matrix {rows: 1000000000, cols: 1000000000, dt: d, data: [1]}",
         "%YAML:1.0\n---\nK: !!opencv-matrix {rows: -3, cols: -3, dt: d, data: [1, 2, 3, 4, 5, 6, 7, 8, 9]}",
+        "%YAML:1.0\n---\nK: !!opencv-nd-matrix {sizes: [3, 1, 3], dt: d, data: [1, 2, 3, 4, 5, 6, 7, 8, 9]}",
         '<?xml version="1.0" encoding="utf-9"?><opencv_storage/>', "<opencv_storage><K>" + "9" * 5000 + "</K></opencv_storage>",
     ],
 )  # fmt: skip

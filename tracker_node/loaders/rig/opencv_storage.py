@@ -2,19 +2,22 @@
 
 Three layouts are read, under the names of OpenCV's own samples:
 
-- one camera: ``camera_matrix``, ``distortion_coefficients``, ``image_width``, ``image_height`` (``calibration``);
+- one camera a file: ``camera_matrix``, ``distortion_coefficients``, ``image_width``, ``image_height`` (``calibration``), and
+  ``rvec``, ``tvec`` or ``R``, ``T`` from the world to the camera, without which a file stands alone;
 - a stereo pair: ``M1 D1 M2 D2``, and ``R``, ``T`` from the first camera to the second, in one file or two (``stereo_calib``);
 - a rig: a sequence ``cameras`` of maps with ``name``, a camera's nodes, and ``R``, ``T`` from the world to the camera.
 
 OpenCV's FileStorage (YAML, XML or JSON) read without OpenCV, whose parser a damaged file can crash.
 
 A storage is a map of nodes. A node is a number, a text, a list, a map, or a matrix, which is an array. What OpenCV alone writes
-otherwise is known here: the head ``%YAML:1.0``, the tag ``!!opencv-matrix``, ``type_id`` in XML and JSON, and sequences in XML,
-whose items are elements ``_`` or words. Sparse and many-dimensional matrices, and base64, are refused.
+otherwise is known here: the head ``%YAML:1.0``, the tags ``!!opencv-matrix`` and ``!!opencv-nd-matrix`` (OpenCV 5 writes arrays
+of one dimension so), ``type_id`` in XML and JSON, and sequences in XML, whose items are elements ``_`` or words. Sparse matrices,
+those of more than two sizes, and base64, are refused.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -41,7 +44,7 @@ _WHAT = "an OpenCV FileStorage (YAML, XML or JSON)"
 _HEAD = re.compile(r"\s*%YAML[: ]\s*\d\.\d[^\n]*\n")
 _KIND = re.compile(r"(\d{0,2})[ucwsifdh]")  # channels and kind of number of a matrix
 _NO_NUMBER = re.compile(r"[-+]?\.(nan|inf)", re.IGNORECASE)
-_MATRIX = "opencv-matrix"
+_MATRICES = ("opencv-matrix", "opencv-nd-matrix")
 
 
 def read_storage(path: str | Path) -> dict[str, Node]:
@@ -68,7 +71,7 @@ def read_storage(path: str | Path) -> dict[str, Node]:
 def _with_matrices(node: Node, path: str | Path, field: str, level: int) -> Node:
     if level > _MOST_LEVELS:
         raise FileFormatError(path, field, f"at most {_MOST_LEVELS} levels of maps and sequences", "more")
-    if isinstance(node, OpenCvMatrix) or (isinstance(node, dict) and node.get("type_id") == _MATRIX):
+    if isinstance(node, OpenCvMatrix) or (isinstance(node, dict) and node.get("type_id") in _MATRICES):
         return _listed_matrix(node, path, field)
     if isinstance(node, dict):
         return {key: _with_matrices(value, path, f"{field}.{key}", level + 1) for key, value in node.items()}
@@ -78,17 +81,17 @@ def _with_matrices(node: Node, path: str | Path, field: str, level: int) -> Node
 
 
 def _listed_matrix(node: dict, path: str | Path, field: str) -> np.ndarray:
-    rows: Node = node.get("rows")
-    columns: Node = node.get("cols")
+    sizes: Node = node.get("sizes", [node.get("rows"), node.get("cols")])
+    sizes = sizes if isinstance(sizes, list) else [sizes]
     data: Node = node.get("data") or []
     kind = _KIND.fullmatch(str(node.get("dt", "")))
     channels = int(kind[1] or 1) if kind else 0
     data = data if isinstance(data, list) else [data]  # of XML, where one word is no list
-    consistent = _is_count(rows) and _is_count(columns) and channels and _are_numerals(data)
-    if not consistent or rows * columns * channels != len(data):
-        raise FileFormatError(path, field, "a matrix with rows, cols, dt, and as many numbers as data", "something else")
-    shape = (rows, columns) if channels == 1 else (rows, columns, channels)
-    return _numbers_of(data).reshape(shape)
+    consistent = len(sizes) in (1, 2) and all(map(_is_count, sizes)) and channels and _are_numerals(data)
+    if not consistent or math.prod(sizes) * channels != len(data):
+        expected = "a matrix with rows and cols (or one or two sizes), dt, and as many numbers as data"
+        raise FileFormatError(path, field, expected, "something else")
+    return _numbers_of(data).reshape(sizes if channels == 1 else (*sizes, channels))
 
 
 def _are_numerals(nodes: list) -> bool:
@@ -147,6 +150,7 @@ Nodes = Callable[[str], Node]  # the node of a name, or None
 
 _LENS = ("camera_matrix", "distortion_coefficients")
 _PAIR = (("M1", "D1"), ("M2", "D2"))
+_POSES = (("rvec", "tvec"), ("R", "T"))
 
 
 class _Storage:
@@ -158,11 +162,15 @@ class _Storage:
 
     def node(self, name: str) -> Node:
         """The node of a name, or None."""
-        return next((file[name] for file in self.files if file.get(name) is not None), None)
+        return next(iter(self.nodes(name)), None)
+
+    def nodes(self, name: str) -> list[Node]:
+        """The nodes of a name, of all files that have it."""
+        return [file[name] for file in self.files if file.get(name) is not None]
 
 
 def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None = None) -> CameraRig:
-    """The rig of one file, or of several that belong together (lenses and places of a stereo pair).
+    """The rig of one file, of several that belong together (lenses and places of a stereo pair), or of one file per camera.
 
     Parameters
     ----------
@@ -171,19 +179,23 @@ def load_opencv(paths: Sequence[str | Path], image_size: tuple[int, int] | None 
 
     Returns
     -------
-    Cameras; one camera, or the left one of a pair, is the world's origin.
+    Cameras, named by their files; one camera without a pose, or the left one of a pair, is the world's origin.
 
     Raises
     ------
     FileFormatError : naming the node.
     """
     storage = _Storage(paths)
+    for name in ("cameras", "M1"):
+        if len(storage.nodes(name)) > 1:
+            raise FileFormatError(storage.path, name, "one file with it", f"{len(storage.nodes(name))}")
+    if len(storage.nodes(_LENS[0])) > 1:
+        return rig_of(storage.path, "(files)", [_single(_Storage([path]), path, image_size, alone=False) for path in paths])
     cameras = storage.node("cameras")
     if isinstance(cameras, list):
         return rig_of(storage.path, "cameras", [_of_rig(storage, entry, image_size) for entry in cameras])
     if storage.node("M1") is None:
-        lens = _lens(storage, storage.node, _LENS, image_size)
-        return CameraRig((Camera(identifier(Path(paths[0]).stem), lens, np.eye(4)),))
+        return CameraRig((_single(storage, paths[0], image_size, alone=True),))
     left, right = (_lens(storage, storage.node, names, image_size) for names in _PAIR)
     second_from_first = _pose(storage, storage.node)
     return CameraRig((Camera("left", left, np.eye(4)), Camera("right", right, se3.inverse(second_from_first))))
@@ -222,6 +234,17 @@ def dump_opencv(rig: CameraRig, path: str | Path) -> None:
     write_whole(path, storage.releaseAndGetString())
 
 
+def _single(storage: _Storage, path: str | Path, image_size: tuple[int, int] | None, alone: bool) -> Camera:
+    """The one camera of a file, at the world's origin where it is alone and has no pose."""
+    lens, T_cam_world = _lens(storage, storage.node, _LENS, image_size), np.eye(4)
+    pose = next((names for names in _POSES if any(storage.node(name) is not None for name in names)), None)
+    if pose is not None:
+        T_cam_world = _pose(storage, storage.node, pose)
+    elif not alone:
+        raise FileFormatError(storage.path, "rvec", "rvec and tvec, or R and T, in each of several cameras' files", "none")
+    return Camera(identifier(Path(path).stem), lens, se3.inverse(T_cam_world))
+
+
 def _of_rig(storage: _Storage, entry: Node, image_size: tuple[int, int] | None) -> Camera:
     if not isinstance(entry, dict):
         raise FileFormatError(storage.path, "cameras[]", "a map with name, camera_matrix, R and T", "something else")
@@ -241,8 +264,8 @@ def _lens(storage: _Storage, node: Nodes, names: tuple[str, str], image_size: tu
     return lens_of(storage.path, names, field, _image_size(storage, node, image_size), K, coefficients, fisheye)
 
 
-def _pose(storage: _Storage, node: Nodes) -> np.ndarray:
-    return pose_of(storage.path, "R", _matrix(storage, node, "R"), _matrix(storage, node, "T"))
+def _pose(storage: _Storage, node: Nodes, names: tuple[str, str] = ("R", "T")) -> np.ndarray:
+    return pose_of(storage.path, names[0], _matrix(storage, node, names[0]), _matrix(storage, node, names[1]))
 
 
 def _matrix(storage: _Storage, node: Nodes, name: str) -> np.ndarray:
