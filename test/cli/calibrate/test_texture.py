@@ -47,6 +47,16 @@ def test_a_picture_becomes_a_plate_of_its_shape(tmp_path, capsys):
     assert "800.0 x 600.0 mm" in capsys.readouterr().out
 
 
+def test_a_model_that_is_there_stays_without_force(tmp_path, capsys):
+    path = tmp_path / "plate.yaml"
+    path.write_text("mine")
+    command = ["calibrate", "texture", "--charuco", "4x5", "--square", "0.05", "-o", str(path)]
+    assert main(command) == 2
+    assert "--force to overwrite it" in capsys.readouterr().err and path.read_text() == "mine"
+    assert main([*command, "--force"]) == 0
+    assert load_model(path).name == "plate"
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [

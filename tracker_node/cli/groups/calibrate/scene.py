@@ -149,12 +149,14 @@ def _add_texture_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--thickness", type=float, default=0.005, metavar="M", help="of the plate (default: %(default)s)")
     parser.add_argument("--name", default="plate", help="name of the body (default: %(default)s)")
     parser.add_argument("-o", "--output", default="plate.yaml", metavar="FILE", help="model to write (default: %(default)s)")
+    parser.add_argument("--force", action="store_true", help="overwrite the output")
 
 
 def _run_texture(args: argparse.Namespace) -> int:
     from ....calibration.texture import framed, plate_model
     from ....loaders.model.model_yaml import dump_model
 
+    refuse_to_overwrite(args, args.output)
     image, texels_per_m = _drawn(args) if args.charuco else _read(args)
     height, width = image.shape[:2]
     if not 0 <= args.border <= 1000 or not 0 <= args.border_gray <= 255 or not 0.0 < args.thickness < 1.0:
