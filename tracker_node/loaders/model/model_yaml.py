@@ -19,6 +19,7 @@ from ...model.shapes.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
 from ...model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from ..file_model import validate
 from ..yaml_file import Inline, read_mapping, write_mapping
+from .kinds import is_robot
 from .mesh_file import read_mesh, read_texture, write_mesh, write_texture
 from .model_file import AxisEntry, BoxEntry, ConeEntry, DescribedFile, EllipsoidEntry, LoftEntry, ModelFile, ShapeEntry
 from .urdf import load_urdf
@@ -32,7 +33,7 @@ HUMANS: Mapping[str, Callable[[], ArticulatedModel]] = {  # by words that may st
 
 
 def load_model(path: str | Path) -> ArticulatedModel:
-    """Body of a model file or of a robot description (``.urdf``); meshes and textures are searched relative to its folder.
+    """Body of a model file or of a robot description (URDF); meshes and textures are searched relative to its folder.
 
     A word of `HUMANS`, such as ``gait_human``, is that body, unless a file has this name. A model file may name a
     description, with the geometry that is seen.
@@ -43,7 +44,7 @@ def load_model(path: str | Path) -> ArticulatedModel:
     """
     if is_named(path):
         return HUMANS[Path(path).name]()
-    if Path(path).suffix.lower() in (".urdf", ".xacro"):
+    if is_robot(path):
         return load_urdf(path)
     content = read_mapping(path)
     if "urdf" in content:
