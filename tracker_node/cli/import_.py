@@ -6,6 +6,7 @@ import argparse
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from .arguments.cameras import UNITS, add_pixel_map_argument
@@ -59,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         points = "" if "keypoints" in modalities else " (points that a detector has found: `keypoints:` in recording.yaml)"
         print(f"wrote {together}, with {body}{points}. To track:")
-    print(f"  tracker_node {'batch' if len(trials) > 1 else 'track'} {together}")
+    print(f"  tracker_node {'batch' if len(trials) > 1 else 'track'} {quote(str(together))}")
     return 0
 
 
@@ -76,10 +77,10 @@ def _chosen(found: list[ProjectTrial], wanted: list[str] | None) -> dict[str, Pr
     from ..errors import UnknownNameError
 
     trials = {re.sub(r"[^A-Za-z0-9_.+-]", "_", trial.name).lstrip("_.+-") or "trial": trial for trial in found}
-    for name in wanted or ():
-        if name not in trials:
-            raise UnknownNameError("trial", name, trials)
-    return {name: trial for name, trial in trials.items() if wanted is None or name in wanted}
+    for given in wanted or ():
+        if not any(given in (name, trial.name) for name, trial in trials.items()):
+            raise UnknownNameError("trial", given, trials)
+    return {name: trial for name, trial in trials.items() if wanted is None or name in wanted or trial.name in wanted}
 
 
 def _write_trial(
@@ -116,4 +117,4 @@ def _write_person(args: argparse.Namespace, trials: Iterable[ProjectTrial], toge
     stature = statures[0] or own
     dump_model(scaled_uniformly(model, stature / own), body, f"{model.name}, for a stature of {stature:.2f} m. Units: meters.")
     print(f"wrote {together}; a person of {stature:.2f} m in {body}. To measure the person, and to track:")
-    print(f"  tracker_node calibrate body --from-points {first / 'rig.yaml'} -o {body} --force")
+    print(f"  tracker_node calibrate body --from-points {quote(str(first / 'rig.yaml'))} -o {quote(str(body))} --force")

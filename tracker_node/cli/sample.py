@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shutil
 from pathlib import Path
+from shlex import quote
 
 from .arguments.verbs import run_verb
 
@@ -33,8 +34,9 @@ def run(args: argparse.Namespace) -> int:
     status = prepare(folder, args.fresh)
     if status == 0:
         print(f"{folder} is ready. Track it, and see how well, with one of")
-        print(f"  tracker_node pipeline {folder}/recording.yaml         as a ROS graph")
-        print(f"  tracker_node track {folder}/recording.yaml    without ROS")
+        recording = quote(f"{folder}/recording.yaml")
+        print(f"  tracker_node pipeline {recording}         as a ROS graph")
+        print(f"  tracker_node track {recording}    without ROS")
     return status
 
 

@@ -1,6 +1,7 @@
 """``import``: projects in the layouts of five programs become rigs that see what these programs' cameras see."""
 
 import pickle
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -137,6 +138,18 @@ def test_caliscope(tmp_path, generation):
     if generation:
         both = imported(folder, tmp_path / "both")
         assert [trial.name for trial in load_trials(both / "trials.yaml").trials] == ["sitting", "walking"]
+
+
+@pytest.mark.parametrize("given", ["walk 1", "walk_1"])
+def test_a_trial_is_chosen_by_its_folder_or_as_it_is_written(tmp_path, capsys, given):
+    """Folders with blanks were chosen by another name than theirs, and printed commands could not be pasted."""
+    folder = projects.caliscope(tmp_path / "workspace")
+    (folder / "recordings/walking").rename(folder / "recordings/walk 1")
+    output = imported(folder, tmp_path / "my walk", "--trial", given)
+    assert "walk 1" in load_rig(output / "rig.yaml").cameras[0].source
+    commands = [shlex.split(line) for line in capsys.readouterr().out.splitlines() if line.startswith("  tracker_node")]
+    body, recording = str(output / "person.yaml"), str(output / "recording.yaml")
+    assert [command[-2:] for command in commands] == [[body, "--force"], ["track", recording]]
 
 
 @pytest.mark.parametrize(
