@@ -211,6 +211,16 @@ def test_a_run_from_stamp_0_on_that_began_without_a_camera_is_made_again(own_cli
     assert (tmp_path / "second/states.csv").read_bytes() == (tmp_path / "first/states.csv").read_bytes()
 
 
+def test_an_image_of_another_size_is_named_and_the_others_of_its_camera_go_on(own_clip: Clip, tmp_path: Path) -> None:
+    files = sorted((own_clip.folder / "cam02").iterdir())
+    files[2].write_bytes(b"not an image")
+    cv2.imwrite(str(files[4]), np.zeros((10, 20, 3), np.uint8))
+    summary = run_offline(offline_run(own_clip), tmp_path / "run")
+    (error,) = summary["errors"]
+    assert f"camera 'cam02' after {N_IMAGES - 2} images" in error
+    assert files[2].name in error and f"{files[4].name} is of 20x10 pixels" in error
+
+
 def test_a_video_that_breaks_off_leaves_the_other_cameras(own_clip: Clip, tmp_path: Path) -> None:
     for path in sorted((own_clip.folder / "cam02").iterdir())[5:]:
         path.write_bytes(b"not an image")

@@ -278,7 +278,8 @@ def merged_images(sources: dict[str, ImageSource], errors: list[str]) -> Iterato
         for camera, report in feed.reports.items():
             if report.ended and report.problem and camera not in told:
                 told.add(camera)
-                what = "; ".join(report.problems[:3]) or report.problem
+                ending = [] if report.problem in report.problems else [report.problem]
+                what = "; ".join([*report.problems[:3], *ending])
                 errors.append(f"camera '{camera}' after {report.read} images of '{sources[camera].path}': {what}")
                 yield BrokenOff(camera, last_ns[camera])
 

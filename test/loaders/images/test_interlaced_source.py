@@ -98,6 +98,13 @@ def test_unreadable_images_are_counted(tmp_path):
     assert len(list(source)) == 2 * N - 2 and source.counts.missing == 1
 
 
+def test_images_of_another_size_are_counted(tmp_path):
+    folder = woven(tmp_path / "a")
+    cv2.imwrite(str(folder / "image2.png"), np.zeros((6, 8, 3), np.uint8))
+    source = InterlacedSource(folder, SourceOptions(), "top_first")
+    assert len(list(source)) == 2 * N - 2 and source.counts.unusable == 1 and "image2.png" in source.counts.problems[0]
+
+
 def test_the_rig_file_says_it(tmp_path):
     rig = CameraRig((camera(tmp_path / "a"), replace(camera(tmp_path / "b", None), name="right")))
     path = tmp_path / "rig.yaml"

@@ -187,6 +187,17 @@ def test_unreadable_image_of_a_folder_is_counted_and_the_rest_delivered(folder: 
     assert source.counts.missing == 1 and "image5.png" in source.counts.problems[0]
 
 
+@pytest.mark.parametrize("preload", [False, True])
+def test_an_image_of_another_size_is_counted_and_the_rest_delivered(folder: Path, preload: bool):
+    """It ended the camera, and the message named an image that was damaged before, if there was one."""
+    cv2.imwrite(str(folder / "image5.png"), np.zeros((HEIGHT // 2, WIDTH // 2, 3), np.uint8))
+    source = open_source(folder, rate_hz=25.0)
+    source = PreloadedSource(source) if preload else source
+    assert [stamp // 40_000_000 for stamp, _ in source] == [i for i in range(N) if i != 5]
+    assert (source.counts.read, source.counts.unusable, source.counts.missing) == (N - 1, 1, 0)
+    assert source.counts.problems == [f"{folder / 'image5.png'} is of {WIDTH // 2}x{HEIGHT // 2} pixels, not {WIDTH}x{HEIGHT}"]
+
+
 def rewritten(folder: Path, name: str, numbers: list[int]) -> Path:
     """A folder in which file ``i`` has the ``i``-th of these numbers in its name."""
     other = folder.parent / "others"
@@ -282,12 +293,6 @@ def test_a_png_that_is_cut_off_is_not_read(folder: Path):
     (folder / "image1.png").write_bytes(whole + bytes(100))
     source = open_source(folder)
     assert len(list(source)) == N - 1 and "image0.png is cut off" in source.counts.problems[0]
-
-
-def test_changing_size_is_refused(folder: Path):
-    cv2.imwrite(str(folder / "image4.png"), np.zeros((10, 10, 3), np.uint8))
-    with pytest.raises(SourceError, match="64x48 to 10x10"):
-        list(open_source(folder))
 
 
 def test_camera_source_checks_the_calibration(video: Path):

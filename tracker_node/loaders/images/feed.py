@@ -131,7 +131,8 @@ class ImageFeed(Closing):
     @staticmethod
     def _copy_counts(report: SourceReport, source: ImageSource) -> None:
         counts = source.counts
-        report.missing, report.skipped, report.problems = counts.missing, counts.skipped, counts.problems
+        report.missing, report.unusable, report.skipped = counts.missing, counts.unusable, counts.skipped
+        report.problems = counts.problems
 
     def _decode(self, camera: str) -> Iterator[FeedImage | str]:
         """Images, and at last why there are no more."""

@@ -158,6 +158,9 @@ class FolderSource(ImageSource):
                 continue
             yield i, content
 
+    def _name_of(self, i: int) -> str:
+        return self._files[i]
+
     def _content(self, file: str) -> np.ndarray | bytes | None:
         publish, keep = self.options.capture.publish, self.options.keep
         gray = self.options.capture.bayer or (publish == "mono" and not keep)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -111,6 +112,7 @@ class ReadCounts:
 
     read: int = 0
     missing: int = 0  # announced by the file, but not there or not readable
+    unusable: int = 0  # of another size than the first
     skipped: int = 0  # left out, because their time was over
     problems: list[str] = field(default_factory=list)
 
@@ -201,18 +203,28 @@ class ImageSource(ABC):
         self._skip_before_ns, self._n_before_pass = None, 0
         while True:
             before = self.counts.read + self.counts.skipped
-            for i, content in self._read(self.numbers.start if first is None else first, self.numbers.stop):
+            for i, content in self._usable(self.numbers.start if first is None else first, self.numbers.stop):
                 self.counts.read += 1
                 yield self._prepared(self.stamp_ns(i + self._n_before_pass), content)
             self._n_before_pass, first = self._n_before_pass + self.n_images, None
             if not self.options.loop or self.counts.read + self.counts.skipped == before:
                 return
 
-    def _prepared(self, stamp_ns: int, content: np.ndarray | bytes) -> SourceImage:
-        width, height = content_size(content)
-        if (width, height) != (self.native_width, self.native_height):
-            change = f"from {self.native_width}x{self.native_height} to {width}x{height}"
-            raise SourceError(self.path, f"image size changes {change}")
+    def _usable(self, start: int, end: int) -> Iterator[tuple[int, Any]]:
+        """The images in [start, end), without those of another size than the first, which are counted."""
+        for i, content in self._read(start, end):
+            width, height = content_size(content)
+            if (width, height) == (self.native_width, self.native_height):
+                yield i, content
+            else:
+                self.counts.unusable += 1
+                sizes = f"{width}x{height} pixels, not {self.native_width}x{self.native_height}"
+                self.counts.problems.append(f"{self._name_of(i)} is of {sizes}")
+
+    def _name_of(self, i: int) -> str:
+        return f"image {i}"
+
+    def _prepared(self, stamp_ns: int, content: Any) -> SourceImage:
         return self._preparation.image(stamp_ns, content)
 
     def skip_before(self, stamp_ns: int, most: float = _MOST_SKIPPED) -> None:

@@ -59,7 +59,7 @@ class PreloadedSource(ImageSource):
 
     def __init__(self, source: ImageSource):
         self._source = source
-        read = source._read(source.numbers.start, source.numbers.stop)
+        read = source._usable(source.numbers.start, source.numbers.stop)
         self._images = [(i, source._prepared(0, content)) for i, content in read]
         self._unreadable = source.counts
         super().__init__(source.path, replace(source.options, size=None, shrink=1, rate_hz=source.rate_hz))
@@ -73,8 +73,11 @@ class PreloadedSource(ImageSource):
 
     def _read(self, start: int, end: int) -> Iterator[tuple[int, Any]]:
         self.counts.missing += self._unreadable.missing
+        self.counts.unusable += self._unreadable.unusable
         self.counts.problems += self._unreadable.problems
         yield from ((i, image) for i, image in self._images if start <= i < end)
+
+    _usable = _read  # the other source has looked at sizes
 
     def _settings(self) -> CaptureSettings:
         return self._source._settings()
@@ -119,11 +122,13 @@ class InterlacedSource(ImageSource):
 
     def _read(self, start: int, end: int) -> Iterator[tuple[int, Any]]:
         self._woven.counts = self.counts
-        for i, content in self._woven._read(start // 2, (end + 1) // 2):
+        for i, content in self._woven._usable(start // 2, (end + 1) // 2):
             image = self._woven._prepared(0, content).bgr
             for number, field in enumerate(deinterlace(image, self._order), start=2 * i):
                 if start <= number < end:
                     yield number, (field, image if self.options.keep and number == 2 * i else None)
+
+    _usable = _read  # the woven source has looked at sizes
 
     def _prepared(self, stamp_ns: int, content: Any) -> SourceImage:
         field, woven = content

@@ -241,7 +241,7 @@ class CameraIngestNode(GuardedNode):
     def _report_recorded(self, name: str) -> None:
         counts, report = self._recorded[name], self._feed.reports[name] if self._feed is not None else None
         if report is not None:
-            counts.missing, counts.skipped = report.missing, report.skipped
+            counts.missing, counts.unusable, counts.skipped = report.missing, report.unusable, report.skipped
             if report.problem:
                 self.problems[name] = report.problem
         self._report_camera(name, *self._assessment(name, counts, report), counts.values())
@@ -257,7 +257,7 @@ class CameraIngestNode(GuardedNode):
             return ERROR, f"stopped: {self.problems[name]}" if report and report.ended else self.problems[name]
         if report is not None and report.ended:
             return OK, "ended"
-        if counts.missing:
+        if counts.missing or counts.unusable:
             return WARN, "some images cannot be read"
         if counts.dropped or counts.skipped:
             return WARN, "images are skipped to keep the rate"
