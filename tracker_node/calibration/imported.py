@@ -27,6 +27,7 @@ from .points.dlt import camera_of_parameters
 from .video_pixels import rig_of_videos
 from .world_frame import UP, up_of_cameras, upright
 
+_FARTHEST_CENTER = 0.2  # of a lens from the middle of the image, fraction of its sides
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
@@ -59,7 +60,10 @@ def import_rig(
     """
     if unit is not None and kind in (CAMERA_INFO, OPENCAP, QUALISYS):
         raise FileFormatError("command line", "--unit", f"none with {kind} files, whose rig is in meters already", unit)
-    return _in_meters(_load(kind, files, size, like), UNITS[unit or "m"], tell)
+    rig = _load(kind, files, size, like)
+    if kind == DLT:
+        _tell_centers(rig, tell)
+    return _in_meters(rig, UNITS[unit or "m"], tell)
 
 
 def _load(kind: str, files: Sequence[str], size: tuple[int, int] | None, like: str | None) -> CameraRig:
@@ -96,6 +100,15 @@ def _rig_of_dlt(file: str, size: tuple[int, int] | None) -> CameraRig:
         raise FileFormatError(file, "(file)", "the size of the images beside DLT coefficients: give it with --size", "none")
     cameras = [camera_of_parameters(f"cam{i}", values, size) for i, values in enumerate(load_dlt(file), start=1)]
     return CameraRig(tuple(cameras))
+
+
+def _tell_centers(rig: CameraRig, tell: Callable[[str], None]) -> None:
+    """A note where most lenses have their centers far from the middle of images of the given size."""
+    width, height = rig.cameras[0].model.width, rig.cameras[0].model.height
+    u, v = np.median([camera.model.K[:2, 2] for camera in rig], axis=0)
+    if max(abs(u / width - 0.5), abs(v / height - 0.5)) > _FARTHEST_CENTER:
+        told = f"note: the lenses' centers are near pixel ({u:.0f}, {v:.0f}), far from the middle of images of {width}x{height}"
+        tell(f"{told}; is --size that of the images?")
 
 
 def _in_meters(rig: CameraRig, unit: float, tell: Callable[[str], None]) -> CameraRig:

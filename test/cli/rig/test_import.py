@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.calibration.points.dlt import dlt_parameters
 from tracker_node.camera.light import Light
 from tracker_node.cli.main import main
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.camera_info import dump_camera_info
+from tracker_node.loaders.rig.control_points import dump_dlt
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 
 
@@ -87,3 +89,13 @@ def test_a_rig_that_was_mended_gets_its_videos(tmp_path):
     found = load_rig(tmp_path / "rig.yaml")
     assert [camera.source for camera in found] == [str(tmp_path / f"{name}.mp4") for name in rig.names]
     np.testing.assert_allclose(found.cameras[1].T_world_cam, rig.cameras[1].T_world_cam, atol=1e-12)
+
+
+@pytest.mark.parametrize(("factor", "noted"), [(1.0, False), (0.5, True), (2.0, True)])
+def test_a_size_that_is_not_that_of_the_images_is_noted(tmp_path, capsys, factor, noted):
+    """DLT coefficients do not say it, and half and twice the size were taken without a word."""
+    rig, output = circle_rig(3), str(tmp_path / "rig.yaml")
+    width, height = (round(factor * side) for side in (rig.cameras[0].model.width, rig.cameras[0].model.height))
+    dump_dlt([dlt_parameters(camera) for camera in rig], tmp_path / "dlt.csv")
+    assert main(["rig", "import", str(tmp_path / "dlt.csv"), "--size", f"{width}x{height}", "-o", output]) == 0
+    assert (f"far from the middle of images of {width}x{height}; is --size" in capsys.readouterr().out) == noted

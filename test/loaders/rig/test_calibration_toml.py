@@ -135,7 +135,11 @@ def test_a_fisheye_lens_is_equidistant(tmp_path):
         ("[ 0.4, 0.5, 2.0]", "[ nan, 0.5, 2.0]", "cam_0.translation"),
         ("[ 600.0, 0.0, 320.0]", "[ -600.0, 0.0, 320.0]", "cam_0.matrix"),
         ("[cam_0]", "[cam_0", "(file)"),
-        ("matrix", "K", "(top level)"),
+        ("matrix", "K", "cam_0.matrix"),
+        ("translation", "t", "cam_0.translation"),
+        ("[metadata]", "[cam_1]\nsize = [640, 480]\n[metadata]", "cam_1.matrix"),
+        ("[metadata]", "ignore = true\n[metadata]", "ignore"),
+        (CAMERA, "[metadata]\nadjusted = false\n", "(top level)"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, old, new, field):

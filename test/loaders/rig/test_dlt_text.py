@@ -5,6 +5,7 @@ import pytest
 
 from tracker_node.errors import FileFormatError
 from tracker_node.loaders.rig.control_points import dump_dlt, load_dlt
+from tracker_node.loaders.rig.formats import DLT, detect
 
 
 @pytest.fixture
@@ -16,6 +17,16 @@ def path(tmp_path):
 def test_a_column_for_each_camera(path, between):
     path.write_text("\n".join(f"{i}{between}{100 + i}" for i in range(11)) + "\n\n")
     assert load_dlt(path).tolist() == [list(range(11)), list(range(100, 111))]
+
+
+def test_decimal_commas_and_a_header(path):
+    """Commas counted as separators, so that there were twice as many cameras, and all of them were mirrored."""
+    path.write_text("L;camera\n\n" + "\n".join(f"{i},5;{100 + i},25e+00" for i in range(11)))
+    assert detect(path) == DLT
+    assert load_dlt(path).tolist() == [[i + 0.5 for i in range(11)], [i + 100.25 for i in range(11)]]
+    path.write_text(path.read_text().replace("102,25e+00", "x"))
+    with pytest.raises(FileFormatError, match=r"field 'line 5': expected numbers, got '2\.5 x'"):
+        load_dlt(path)
 
 
 def test_what_is_written_is_read_back_bit_for_bit(path):

@@ -151,6 +151,7 @@ def test_a_stereo_pair_of_two_files_stands_as_opencv_says(tmp_path):
         ("<html></html>", "other XML"),
         ("1 2\n3 4\n", "expected 11 lines of DLT coefficients, got '2 lines of numbers'"),
         ("hello", "expected a calibration: Pose2Sim"),
+        ("[cam1]\nmatrix = [[0*1.0]]\n", "expected a TOML file, got 'Unclosed array (at line 2"),
         ("", "expected a calibration: Pose2Sim"),
     ],
 )

@@ -35,7 +35,10 @@ def load_pose2sim(path: str | Path) -> CameraRig:
         tables = tomllib.loads(read_text(path))
     except (ValueError, RecursionError) as error:
         raise FileFormatError(path, "(file)", "a TOML file", str(error)) from error
-    cameras = {key: value for key, value in _flat(tables).items() if "matrix" in value and not value.get("ignore")}
+    found = {key: value for key, value in _flat(tables).items() if _SIZES & value.keys() or "matrix" in value}
+    cameras = {key: value for key, value in found.items() if not value.get("ignore")}
+    if found and not cameras:
+        raise FileFormatError(path, "ignore", "a camera that is not to be ignored", f"ignore = true of {', '.join(found)}")
     if not cameras:
         raise FileFormatError(path, "(top level)", "one table per camera with size, matrix, rotation, translation", list(tables))
     return rig_of(path, "name", [_camera(path, key, table) for key, table in cameras.items()])
@@ -48,7 +51,14 @@ def _flat(tables: Mapping) -> dict[str, dict]:
     return {key: value for key, value in source.items() if isinstance(value, dict)}
 
 
+_SIZES = {"size", "image_size"}
+
+
 def _camera(path: Path, key: str, table: dict) -> Camera:
+    for field in ("matrix", "rotation", "translation"):
+        if field not in table:
+            expected = f"the {field} of a calibrated camera, or ignore = true, which leaves the camera out"
+            raise FileFormatError(path, f"{key}.{field}", expected, "none")
     name = identifier(str(table.get("name", key)))
     size = size_of(path, f"{key}.size", *array_of(path, f"{key}.size", table.get("size", table.get("image_size")), (2,)).tolist())
     K = array_of(path, f"{key}.matrix", table["matrix"], (3, 3))

@@ -4,7 +4,8 @@ Control points have columns ``camera,point,x,y,z,u,v``: one line for each camera
 of the images. Before anybody has clicked on them, only their places are known: a file ``point,x,y,z``. Clicks on points of
 unknown place have columns ``camera,point,u,v``.
 
-Coefficients are eleven lines, a column per camera, commas or blanks between (as Argus and DLTdv write them):
+Coefficients are eleven lines, perhaps below a header, a column per camera, commas, semicolons (numbers may have decimal commas
+then) or blanks between (as Argus and DLTdv write them):
 ``u = (L1 x + L2 y + L3 z + L4) / (L9 x + L10 y + L11 z + 1)`` and so on, with ``v`` downward as everywhere here.
 """
 
@@ -133,6 +134,24 @@ def _named_rows(path: str | Path, columns: Sequence[str]) -> Iterator[tuple[CsvC
 N_COEFFICIENTS = 11
 
 
+def dlt_lines(text: str) -> dict[int, list[str]]:
+    """Cells of each line of coefficients, by the numbers of the lines; a header, in which no cell is a number, is left out."""
+    decimal = "." if ";" in text else " "
+    lines = {i: line.replace(",", decimal).replace(";", " ").split() for i, line in enumerate(text.splitlines(), 1)}
+    lines = {i: cells for i, cells in lines.items() if cells}
+    first = next(iter(lines), 0)
+    return {i: cells for i, cells in lines.items() if i != first or any(map(is_decimal, cells))}
+
+
+def is_decimal(text: str) -> bool:
+    """True for what `float` reads."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def load_dlt(path: str | Path) -> np.ndarray:
     """L1..L11 of each camera, (n_cameras, 11).
 
@@ -140,19 +159,19 @@ def load_dlt(path: str | Path) -> np.ndarray:
     ------
     FileFormatError : naming the line.
     """
-    rows = [line.replace(",", " ").replace(";", " ").split() for line in read_text(path).splitlines() if line.strip()]
+    rows = dlt_lines(read_text(path))
     if len(rows) != N_COEFFICIENTS:
         expected = f"{N_COEFFICIENTS} lines, one per coefficient, a column per camera"
         raise FileFormatError(path, "(file)", expected, f"{len(rows)} lines")
-    columns = len(rows[0])
+    columns = len(next(iter(rows.values())))
     values = np.empty((columns, N_COEFFICIENTS))
-    for i, row in enumerate(rows):
+    for i, (line, row) in enumerate(rows.items()):
         try:
             numbers = np.array(row, dtype=np.float64)
         except ValueError as error:
-            raise FileFormatError(path, f"line {i + 1}", "numbers", " ".join(row)) from error
+            raise FileFormatError(path, f"line {line}", "numbers", " ".join(row)) from error
         if len(numbers) != columns or not np.isfinite(numbers).all():
-            raise FileFormatError(path, f"line {i + 1}", f"{columns} numbers, one per camera", " ".join(row))
+            raise FileFormatError(path, f"line {line}", f"{columns} numbers, one per camera", " ".join(row))
         values[:, i] = numbers
     return values
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...errors import FileFormatError
 from ..whole_file import read_text
-from .control_points import N_COEFFICIENTS
+from .control_points import N_COEFFICIENTS, dlt_lines, is_decimal
 from .rig_yaml import CameraEntry, RigFile
 
 TOML, CAMERA_INFO, OPENCV, QUALISYS, DLT, RIG = "toml", "camera_info", "opencv", "qualisys", "dlt", "rig"
@@ -17,6 +17,7 @@ OPENCAP = "opencap"
 _CALIBRATION = ("image_size", "K", "distortion_model", "distortion", "T_world_cam", "pixel_map", "file_image_size")
 _CAMERA_INFO_KEY = re.compile(r"""^["']?camera_matrix["']?[ \t]*:""", re.MULTILINE)  # of YAML, at its top
 _RIG_KEY = re.compile(r"""^["']?cameras["']?[ \t]*:""", re.MULTILINE)
+_TOML_TABLE = re.compile(r"^\[[^\[\]\n]+\][ \t]*$", re.MULTILINE)
 _KNOWN = (
     "a calibration: Pose2Sim, aniposelib, FreeMoCap or Caliscope TOML, ROS camera_info YAML, OpenCV YAML, XML or JSON, Qualisys"
     " XML, OpenCap pickles, or eleven lines of DLT coefficients"
@@ -42,20 +43,23 @@ def detect(path: str | Path) -> str:
         raise FileFormatError(path, "(file)", _KNOWN, "other XML")
     if start.startswith("%YAML") or start.startswith("{"):
         return OPENCV
-    rows = [line.replace(",", " ").replace(";", " ").split() for line in start.splitlines() if line.strip()]
-    if rows and all(_is_number(cell) for row in rows for cell in row):
+    rows = dlt_lines(start).values()
+    if rows and all(is_decimal(cell) for row in rows for cell in row):
         if len(rows) != N_COEFFICIENTS:
             raise FileFormatError(path, "(file)", f"{N_COEFFICIENTS} lines of DLT coefficients", f"{len(rows)} lines of numbers")
         return DLT
+    wrong = ""
     try:
         if tomllib.loads(text):
             return TOML
-    except (ValueError, RecursionError):  # a number of too many digits is no TOMLDecodeError
-        pass
+    except (ValueError, RecursionError) as error:  # a number of too many digits is no TOMLDecodeError
+        wrong = str(error)
     if _CAMERA_INFO_KEY.search(text):
         return CAMERA_INFO
     if _RIG_KEY.search(text):
         return RIG
+    if wrong and _TOML_TABLE.search(text):
+        raise FileFormatError(path, "(file)", "a TOML file", wrong)
     raise FileFormatError(path, "(file)", _KNOWN, start[:40])
 
 
@@ -101,11 +105,3 @@ def dropped(rig_file: RigFile, target: str) -> list[str]:
         sentences += [f"distortion ({', '.join(distorted)})"] if distorted else []
         sentences.append("names and image sizes of the cameras")
     return sentences
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
