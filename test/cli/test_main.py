@@ -1,5 +1,6 @@
 """The one console command: which verb is run, and what its ends come to."""
 
+import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -47,6 +48,11 @@ def test_the_overview_names_every_verb(capsys):
         assert lines[-1] == "  tracker_node track --help"
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"tracker_node {__version__}\n"
+
+
+def test_the_package_runs_as_a_module():
+    command = [sys.executable, "-P", "-m", "tracker_node", "--version"]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == f"tracker_node {__version__}\n"
 
 
 @pytest.mark.parametrize("verb", ["juggle", "--juggle", "_bag_info", "main"])

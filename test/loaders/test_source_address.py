@@ -90,6 +90,12 @@ def test_what_is_kept_of_a_command_line_has_no_password(monkeypatch):
         assert "cret" not in said and "***" in said, said
 
 
+@pytest.mark.parametrize("program", ["bin/tracker_node", "tracker_node/__main__.py", "tracker_node/cli/main.py"])
+def test_a_command_line_is_kept_as_it_is_typed(monkeypatch, program):
+    monkeypatch.setattr(sys, "argv", [f"/there/{program}", "track", "my recording.yaml"])
+    assert command_line() == "tracker_node track 'my recording.yaml'"
+
+
 @pytest.mark.parametrize(
     ("text", "masked"),
     [

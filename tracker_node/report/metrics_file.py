@@ -89,7 +89,7 @@ def made_by() -> list[tuple[str, str]]:
 def command_line() -> str:
     """The command line of this process, to be pasted into a shell; without passwords."""
     program, arguments = Path(sys.argv[0]), [without_password(argument) for argument in sys.argv[1:]]
-    if program.name == "main.py" and program.parent.name == "cli":
+    if program.parts[-2:] in (("cli", "main.py"), ("tracker_node", "__main__.py")):
         return shlex.join(["tracker_node", *arguments])
     if program.suffix == ".py":
         return shlex.join(["python", os.path.relpath(program), *arguments])

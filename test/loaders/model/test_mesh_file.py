@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import FileFormatError
-from tracker_node.loaders.model.mesh_file import read_texture, write_mesh, write_texture
+from tracker_node.loaders.model.mesh_file import read_mesh, read_texture, write_mesh, write_texture
 from tracker_node.model.shapes.primitives import Mesh
 
 VERTICES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 1.0]])
@@ -74,6 +74,17 @@ def test_colors_of_faces_are_in_a_ply(tmp_path):
 
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("end", ["2 0 0", "0.1 0.1 0.1"])
+def test_triangles_without_an_area_are_no_mesh(tmp_path, end):
+    """A body of them was LOST throughout, and nothing said why."""
+    file = tmp_path / "line.obj"
+    file.write_text(f"v 0 0 0\nv {end}\nv {' '.join(str(float(v) / 3) for v in end.split())}\nf 1 2 3\n")
+    with pytest.raises(FileFormatError, match=r"'shapes\.rod\.file'.*an area, got 'only lines and points in .*line\.obj'"):
+        read_mesh(file, 1.0, "model.yaml", "shapes.rod.file")
+    file.write_text("v 0 0 0\nv 1 0 0\nv 0.5 0.00001 0\nf 1 2 3\nf 1 1 2\n")
+    assert len(read_mesh(file, 0.001, "model.yaml", "shapes.rod.file").faces) == 2
 
 
 def test_a_picture_is_there_and_back(tmp_path):

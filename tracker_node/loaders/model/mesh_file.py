@@ -101,9 +101,19 @@ def read_mesh(file: str | Path, scale: float, referrer: str | Path, field: str, 
     if texture is not None and "texture" not in surface:
         raise FileFormatError(referrer, field, "a mesh with texture coordinates, for its texture", str(file))
     try:
-        return Mesh(vertices, faces, **surface)
+        mesh = Mesh(vertices, faces, **surface)
     except ValueError as error:  # corners with two coordinates, faces of corners that are not there
         raise FileFormatError(referrer, field, "a consistent mesh", f"{file}: {error}") from None
+    if not _has_area(mesh):
+        raise FileFormatError(referrer, field, "a mesh whose triangles have an area", f"only lines and points in {file}")
+    return mesh
+
+
+def _has_area(mesh: Mesh) -> bool:
+    """Whether the corners of some triangle do not lie on one line, but for rounding."""
+    extent = np.ptp(mesh.vertices, axis=0).max() or 1.0
+    first, second = np.moveaxis(np.diff(mesh.vertices[mesh.faces] / extent, axis=1), 1, 0)
+    return bool(np.abs(np.cross(first, second)).max() > 1e-9)
 
 
 def _surface(loaded: Any, faces: np.ndarray, texture: np.ndarray | None) -> dict[str, np.ndarray]:
