@@ -236,13 +236,13 @@ def dump_opencv(rig: CameraRig, path: str | Path) -> None:
 
 def _single(storage: _Storage, path: str | Path, image_size: tuple[int, int] | None, alone: bool) -> Camera:
     """The one camera of a file, at the world's origin where it is alone and has no pose."""
-    lens, T_cam_world = _lens(storage, storage.node, _LENS, image_size), np.eye(4)
+    lens, T_world_cam = _lens(storage, storage.node, _LENS, image_size), np.eye(4)
     pose = next((names for names in _POSES if any(storage.node(name) is not None for name in names)), None)
     if pose is not None:
-        T_cam_world = _pose(storage, storage.node, pose)
+        T_world_cam = se3.inverse(_pose(storage, storage.node, pose))
     elif not alone:
         raise FileFormatError(storage.path, "rvec", "rvec and tvec, or R and T, in each of several cameras' files", "none")
-    return Camera(identifier(Path(path).stem), lens, se3.inverse(T_cam_world))
+    return Camera(identifier(Path(path).stem), lens, T_world_cam)
 
 
 def _of_rig(storage: _Storage, entry: Node, image_size: tuple[int, int] | None) -> Camera:
