@@ -451,3 +451,73 @@ def test_a_clock_that_hardly_advances_does_not_fill_the_memory():
     counts = sync.counters["left"]
     assert counts["waiting"] <= 100 and counts["waiting"] + counts["too_old"] == counts["received"] == 1000
     assert sync.sets_not_formed["too_old"] > 0
+
+
+QUAD = ("a", "b", "c", "d")
+START = 100 * PERIOD_NS
+
+
+def quad(**options):
+    return synchronizer(**{"cameras": QUAD, "min_cameras": 2, "queue_s": 5 * PERIOD_NS * 1e-9, **options})
+
+
+def good_sets(sync, wrong, n=40):
+    """The sets of the cameras but ``a``, whose stamps ``wrong(i)`` replaces where it gives one."""
+    puts = [(c, START + i * PERIOD_NS if c != "a" or wrong(i) is None else wrong(i)) for i in range(n) for c in QUAD]
+    return run(sync, puts, flush=False)
+
+
+@pytest.mark.parametrize("wrong", [lambda i: 1, lambda i: i * PERIOD_NS // 9, lambda i: i % 3])
+def test_a_camera_that_goes_back_alone_is_left_out_and_the_others_go_on(wrong):
+    sync = quad()
+    sets = good_sets(sync, lambda i: wrong(i) if 10 <= i < 30 else None)
+    assert [s.stamp_ns for s in sets] == [START + i * PERIOD_NS for i in range(40)]
+    assert [len(s.images) for s in sets] == [4] * 10 + [3] * 20 + [4] * 10
+    assert sync.clock_jumps == 0 and sync.counters["a"]["clock_jump"] == 20
+    assert all(sync.counters[c]["used"] == 40 for c in "bcd")
+
+
+def test_one_stray_stamp_costs_its_image():
+    sync = quad()
+    assert [len(s.images) for s in good_sets(sync, lambda i: 1 if i == 20 else None)] == [4] * 20 + [3] + [4] * 19
+    assert sync.clock_jumps == 0 and sync.counters["a"]["clock_jump"] == 1
+
+
+def test_a_camera_that_comes_back_from_a_clock_ahead_joins_the_others():
+    sync = quad()
+    sets = good_sets(sync, lambda i: START + 10**13 + i * PERIOD_NS if 10 <= i < 30 else None)
+    assert [len(s.images) for s in sets] == [4] * 10 + [3] * 20 + [4] * 10
+    assert sync.clock_jumps == 0 and sync.counters["a"]["incomplete"] + sync.counters["a"]["ahead"] == 20
+
+
+def test_a_recording_whose_cameras_go_back_one_after_another_loses_nothing():
+    sync = quad(min_cameras=0)
+    once = [(c, START + i * PERIOD_NS) for i in range(20) for c in QUAD]
+    first = [("a", START), ("a", START + PERIOD_NS)]
+    sets = run(sync, [*once, *first, *(put for put in once if put not in first)])
+    assert [s.stamp_ns for s in sets] == 2 * [START + i * PERIOD_NS for i in range(20)] and sync.clock_jumps == 1
+
+
+def test_a_camera_that_goes_back_is_believed_once_the_others_are_silent():
+    sync = quad(min_cameras=1)
+    run(sync, [(c, START + i * PERIOD_NS) for i in range(9) for c in QUAD], flush=False)
+    sets = run(sync, [("a", i * PERIOD_NS) for i in range(20)], flush=False)
+    assert sync.clock_jumps == 1 and len(sets) >= 10 and all(s.stamp_ns < START for s in sets)
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 30, 60])
+def test_a_camera_that_stops_is_waited_for_as_long_as_the_queue_at_any_rate(rate_hz):
+    period_ns = 10**9 // rate_hz
+    sync = ImageSynchronizer(QUAD, image_period_s=1 / 30, tolerance=0.4, queue_s=1.0, min_cameras=2)
+    waits = []
+    for i in range(6 * rate_hz):
+        for camera in QUAD[: 4 if i < 2 * rate_hz else 3]:
+            waits += [(i * period_ns - s.stamp_ns) * 1e-9 for s in sync.add(image(camera, i * period_ns))]
+    assert 0.8 <= max(waits) <= 1.3 and len(waits) == 6 * rate_hz
+
+
+@pytest.mark.parametrize("period_s", [2, 10, 60])
+def test_slow_cameras_have_complete_sets(period_s):
+    sync = ImageSynchronizer(QUAD, image_period_s=1 / 30, tolerance=0.4, queue_s=1.0, min_cameras=2)
+    sets = run(sync, [(c, i * period_s * 10**9) for i in range(20) for c in QUAD], flush=False)
+    assert [len(s.images) for s in sets] == [4] * 20

@@ -2,7 +2,12 @@
 
 The result is a function of the images in the order in which they were put in, so a recording gives the same sets as the
 live cameras did. Time passes only as the cameras' own stamps advance: ``stream time`` is the progress of the camera that
-has progressed most, each image counting for one image period at most (a pause of all cameras is not a timeout).
+has progressed most, each image counting for as much as the one before it, or an image period, at most (a pause of all cameras
+is not a timeout).
+
+Stamps may go back, as those of a recording that begins again. Images of a camera whose stamps do are kept until most of the
+cameras that send have gone back with it: then all begins anew with them. Of two cameras nobody knows which one is right: the
+first one is believed. A camera that goes back alone is wrong: its images are dropped, and the others go on.
 
 Counts of time steps without an image set, by reason.
 """
@@ -23,13 +28,14 @@ REASONS = ("late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump", 
 ``late``: a set of its time step or a later one is out already. ``duplicate``: its camera gave another image of that time step.
 ``incomplete``: too few cameras gave one. ``too_old``: its partners did not come within the queue's time, or too many wait.
 ``ahead``: more cameras than have an image of its time step went on to send images from far before it (a wrong clock).
-``clock_jump``: stamps went backward. ``reset``: by request.
+``clock_jump``: stamps went backward, its own or those of most cameras. ``reset``: by request.
 """
 
 SET_REASONS = tuple(reason for reason in REASONS if reason != "duplicate")
 """Why there is no set of a time step of which some camera has sent an image. ``late``: all its images came too late."""
 
 _MOST_WAITING, _QUEUES_WAITING = 100, 10.0  # images of a camera that may wait: at least so many, or so many queues' time
+_LEAST_IMAGES = 3  # that a camera may miss before it is silent, however slow it is
 _FORGETS = 0.995  # of what is known of a camera's disorder, with each image in order
 
 
@@ -50,15 +56,24 @@ class _Lane:
     newest_number: int = 0
     last_used_ns: int | None = None
     progress_ns: int = 0
+    step_ns: int = 0  # by which its stamps advanced last
+    back: list[_Waiting] = field(default_factory=list)  # since its stamps went back, while it is not known who is right
+    back_ns: int | None = None  # the latest stamp since then; None: its stamps have not gone back
     active_ns: int = 0  # stream time when its stamps last advanced
     old_clock_ns: int = 0  # for how much longer images of before a clock jump are expected
     disorder_ns: float = 0.0  # by how much its images have lately been overtaken by later ones
 
     def forget(self) -> None:
         self.waiting.clear()
+        self.back.clear()
         self.newest_ns, self.newest_number, self.last_used_ns = None, 0, None
-        self.progress_ns = self.active_ns = self.old_clock_ns = 0
-        self.disorder_ns = 0.0
+        self.progress_ns = self.step_ns = self.active_ns = self.old_clock_ns = 0
+        self.disorder_ns, self.back_ns = 0.0, None
+
+    def drop_back(self, n: int | None = None) -> None:
+        """The first ``n`` images of after it went back, or all: the others did not."""
+        self.counts["clock_jump"] += len(self.back[:n])
+        del self.back[:n]
 
 
 class ImageSynchronizer:
@@ -97,6 +112,7 @@ class ImageSynchronizer:
         self._period_ns = round(image_period_s * 1e9)
         self._tolerance_ns = round(tolerance * image_period_s * 1e9)
         self._queue_ns = round(queue_s * 1e9)
+        self._back_ns = max(self._queue_ns, self._period_ns)  # further back is no disorder
         self._most_waiting = max(_MOST_WAITING, round(_QUEUES_WAITING * self._queue_ns / self._period_ns))
         self._lanes = {camera: _Lane() for camera in self.cameras}
         self._stream_ns = 0
@@ -108,7 +124,7 @@ class ImageSynchronizer:
     @property
     def counters(self) -> dict[str, dict[str, int]]:
         """Per camera: ``received`` = ``used`` + the `REASONS` + ``waiting``."""
-        return {camera: {**lane.counts, "waiting": len(lane.waiting)} for camera, lane in self._lanes.items()}
+        return {camera: {**lane.counts, "waiting": len(lane.waiting) + len(lane.back)} for camera, lane in self._lanes.items()}
 
     @property
     def sets_not_formed(self) -> dict[str, int]:
@@ -127,18 +143,33 @@ class ImageSynchronizer:
         lane = self._lanes[image.camera]
         lane.counts["received"] += 1
         self._number += 1
-        if lane.newest_ns is not None and image.stamp_ns < lane.newest_ns - max(self._queue_ns, self._period_ns):
-            self._jump_back()
+        if self._is_back(lane, image.stamp_ns) and self._joins(lane, image.stamp_ns):
+            while lane.waiting:  # of its wrong clock
+                self._accounts.failed(lane.waiting[0].image.stamp_ns, "ahead")
+                self._drop_first(lane, "ahead")
+            lane.newest_ns = None
+        if self._is_back(lane, image.stamp_ns):
+            self._keep_back(lane, image)
+            sets = self._jump_back(lane) if self._is_believed(lane) else self._decide(final=False)
+        else:
+            lane.drop_back()
+            lane.back_ns = None
+            sets = self._put(lane, image, self._number)
+        for other in self._lanes.values():
+            other.drop_back(sum(self._stream_ns - w.since_ns > self._back_ns for w in other.back))
+        return sets
+
+    def _put(self, lane: _Lane, image: CameraImage, number: int) -> list[ImageSet]:
         refusal = self._refusal(lane, image.stamp_ns)
         if refusal != "clock_jump":
-            self._advance(lane, image.stamp_ns)  # also a late image says that its camera lags
+            self._advance(lane, image.stamp_ns, number)  # also a late image says that its camera lags
         if refusal:
             lane.counts[refusal] += 1
             if refusal == "late":
                 self._accounts.late(image.stamp_ns)
         else:
             stamps = [w.image.stamp_ns for w in lane.waiting]
-            lane.waiting.insert(bisect_right(stamps, image.stamp_ns), _Waiting(image, self._number, self._stream_ns))
+            lane.waiting.insert(bisect_right(stamps, image.stamp_ns), _Waiting(image, number, self._stream_ns))
         sets = self._decide(final=False)
         if len(lane.waiting) > self._most_waiting:  # a clock that hardly advances while the others are silent
             self._accounts.failed(lane.waiting[0].image.stamp_ns, "too_old")
@@ -147,6 +178,8 @@ class ImageSynchronizer:
 
     def flush(self) -> list[ImageSet]:
         """Decide all that waits, as at the end of a recording."""
+        for lane in self._lanes.values():
+            lane.drop_back()
         return self._decide(final=True)
 
     def reset(self) -> None:
@@ -158,17 +191,55 @@ class ImageSynchronizer:
             self._accounts.failed(stamp_ns, reason)
         self._accounts.forget()
         for lane in self._lanes.values():
-            lane.counts[reason] += len(lane.waiting)
+            lane.counts[reason] += len(lane.waiting) + len(lane.back)
             lane.forget()
         self._stream_ns, self._last_set_end_ns = 0, None
 
-    def _jump_back(self) -> None:
-        """One camera's stamps went back: a loop of a recording, usually. The others may still send from before the jump."""
-        had_sent = [lane for lane in self._lanes.values() if lane.newest_ns is not None]
+    def _is_back(self, lane: _Lane, stamp_ns: int) -> bool:
+        return lane.newest_ns is not None and stamp_ns < lane.newest_ns - self._back_ns
+
+    def _going_on(self) -> list[_Lane]:
+        """Cameras that send, and whose stamps have not gone back."""
+        lanes = (lane for lane in self._lanes.values() if lane.newest_ns is not None and lane.back_ns is None)
+        return [lane for lane in lanes if self._stream_ns - lane.active_ns <= self._back_ns]
+
+    def _joins(self, lane: _Lane, stamp_ns: int) -> bool:
+        """Whether a camera whose clock was ahead of most others' comes back to theirs."""
+        assert lane.newest_ns is not None
+        others = [other.newest_ns for other in self._going_on() if other is not lane and other.newest_ns is not None]
+        left = [ns for ns in others if ns < lane.newest_ns - self._back_ns and abs(ns - stamp_ns) <= self._back_ns]
+        return 2 * len(left) > len(others)
+
+    def _keep_back(self, lane: _Lane, image: CameraImage) -> None:
+        if lane.back_ns is None or image.stamp_ns < lane.back_ns - self._back_ns:
+            lane.drop_back()
+            lane.back_ns = image.stamp_ns
+        self._pass(lane, max(0, image.stamp_ns - lane.back_ns))
+        lane.back_ns = max(lane.back_ns, image.stamp_ns)
+        lane.back.append(_Waiting(image, self._number, self._stream_ns))
+        lane.drop_back(max(0, len(lane.back) - self._most_waiting))
+
+    def _back_with(self, lane: _Lane) -> list[_Lane]:
+        """Cameras whose stamps have gone back to where this one's have."""
+        assert lane.back_ns is not None
+        return [x for x in self._lanes.values() if x.back_ns is not None and abs(x.back_ns - lane.back_ns) <= self._back_ns]
+
+    def _is_believed(self, lane: _Lane) -> bool:
+        """Whether more cameras have gone back with this one than go on; a single one that goes on may as well be wrong."""
+        return len(self._going_on()) < max(len(self._back_with(lane)), 2)
+
+    def _jump_back(self, lane: _Lane) -> list[ImageSet]:
+        """Stamps went back: a loop of a recording, usually. Some cameras may still send from before the jump."""
+        had_sent = [other for other in self._lanes.values() if other.newest_ns is not None]
+        with_it = self._back_with(lane)
+        back = sorted((w for other in with_it for w in other.back), key=lambda w: w.number)
+        for other in with_it:
+            other.back = []
         self._drop_all("clock_jump")
         self.clock_jumps += 1
-        for lane in had_sent:
-            lane.old_clock_ns = max(self._queue_ns, self._period_ns)
+        for other in had_sent:
+            other.old_clock_ns = self._back_ns
+        return [found for w in back for found in self._put(self._lanes[w.image.camera], w.image, w.number)]
 
     def _refusal(self, lane: _Lane, stamp_ns: int) -> str | None:
         if lane.old_clock_ns > 0:
@@ -183,16 +254,23 @@ class ImageSynchronizer:
             return "late"
         return None
 
-    def _advance(self, lane: _Lane, stamp_ns: int) -> None:
+    def _advance(self, lane: _Lane, stamp_ns: int, number: int) -> None:
         if lane.newest_ns is None:
-            lane.progress_ns = self._stream_ns
+            lane.progress_ns, step_ns = self._stream_ns, 0
         elif stamp_ns <= lane.newest_ns:
             lane.disorder_ns = min(max(lane.disorder_ns, lane.newest_ns - stamp_ns), self._queue_ns)
             return
         else:
-            lane.progress_ns += min(stamp_ns - lane.newest_ns, self._period_ns)
+            step_ns = stamp_ns - lane.newest_ns
         lane.disorder_ns *= _FORGETS
-        lane.newest_ns, lane.newest_number = stamp_ns, self._number
+        lane.newest_ns, lane.newest_number = stamp_ns, number
+        self._pass(lane, step_ns)
+
+    def _pass(self, lane: _Lane, step_ns: int) -> None:
+        """Stream time passes with a camera's stamps, at the rate that they have: a longer step is a pause."""
+        usual_ns = min(lane.step_ns, self._queue_ns // _LEAST_IMAGES)
+        lane.progress_ns += min(step_ns, max(usual_ns, self._period_ns))
+        lane.step_ns = step_ns
         self._stream_ns = max(self._stream_ns, lane.progress_ns)
         lane.active_ns = self._stream_ns
 
@@ -233,6 +311,8 @@ class ImageSynchronizer:
     def _worth_waiting(self, lane: _Lane, anchor: _Waiting, needed: bool) -> bool:
         """Whether ``lane``, which has no image with ``anchor``, may still send one (silent ones only where ``needed``)."""
         start_ns = anchor.image.stamp_ns
+        if lane.back_ns is not None:
+            return False
         silent_ns = 0 if needed else self._stream_ns - lane.active_ns
         if max(silent_ns, self._stream_ns - anchor.since_ns) > self._queue_ns:
             return False
@@ -251,7 +331,7 @@ class ImageSynchronizer:
         Once it were out, theirs would all be late; so it waits, until they have come as far or its time is up. Cameras that
         have sent nothing since it came may have paused with the others.
         """
-        before_ns = anchor.image.stamp_ns - max(self._queue_ns, self._period_ns)
+        before_ns = anchor.image.stamp_ns - self._back_ns
         behind = [
             lane for lane in missing
             if lane.newest_ns is not None and lane.newest_number > anchor.number and lane.newest_ns < before_ns

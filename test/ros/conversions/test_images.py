@@ -208,3 +208,17 @@ def test_compressed():
         bgr_of_compressed("left", CompressedImage(format="jpeg", data=b"nonsense"))
     with pytest.raises(SourceError, match="left"):
         bgr_of_compressed("left", CompressedImage(format="jpeg"))
+
+
+def test_a_stamp_that_is_none_is_refused():
+    message = image_message(5, "f", noise(2, 2, "mono8"), "mono8")
+    message.header.stamp.nanosec = 4_000_000_000
+    jpeg = jpeg_message(5, "f", jpeg_of(noise(8, 8, "bgr8")))
+    jpeg.header.stamp.nanosec = 10**9
+    for read in (
+        lambda: camera_image_of("left", message),
+        lambda: decode_raw_image("left", serialize_message(message)),
+        lambda: bgr_of_compressed("left", jpeg),
+    ):
+        with pytest.raises(SourceError, match=r"left.*header.stamp.nanosec: expected less than 1000000000, got"):
+            read()

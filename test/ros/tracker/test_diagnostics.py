@@ -1,12 +1,14 @@
 """What /diagnostics says of a tracker does not flip from second to second, and is short."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
-from tracker_node.ros.tracker.diagnostics import LeftOut, unobservable_in_short
+from tracker_node.ros.diagnostics import OK, WARN
+from tracker_node.ros.tracker.diagnostics import LeftOut, TrackerDiagnostics, unobservable_in_short
 
 
 @pytest.mark.parametrize("pattern", [[2, 0], [1, 0, 0], [3, 3, 0], [0, 0, 0, 6]])
@@ -31,3 +33,20 @@ def test_directions_that_images_do_not_tell_are_told_in_short():
     assert "of the root" in unobservable_in_short(["root_rz"])
     assert "of the root" not in unobservable_in_short(["root_rz -0.60 torso_turn_left"])  # the pelvis within the body
     assert unobservable_in_short([]) == "the images tell every degree of freedom"
+
+
+def test_a_camera_whose_stamps_go_back_alone_is_named():
+    said, jumps, counters = {}, 0, {"cam1": {"clock_jump": 0}, "cam2": {"clock_jump": 0}}
+    formation = SimpleNamespace(clock_jumps=jumps, counters=counters)
+    told = TrackerDiagnostics(SimpleNamespace(report=lambda part, level, text, values: said.update({part: (level, text)})), None)
+
+    def clock():
+        told._report_clock(SimpleNamespace(formation=formation))
+        return said["clock"]
+
+    assert clock() == (OK, "stamps go forward")
+    counters["cam1"]["clock_jump"] = 3
+    assert clock() == (WARN, "stamps of cam1 went back: left out, the others go on")
+    assert clock() == (OK, "stamps go forward")
+    counters["cam2"]["clock_jump"], formation.clock_jumps = 3, 1
+    assert clock() == (WARN, "stamps went back: tracking has begun again")

@@ -74,6 +74,11 @@ class Bench:
         self.node.destroy_node()
 
 
+@pytest.fixture(autouse=True)
+def _four_at_once(monkeypatch):
+    monkeypatch.setattr("tracker_node.ros.tracker.worker._AT_ONCE_MS", 0.0)  # as of a tracker that has no time to spare
+
+
 @pytest.fixture
 def build(probe, recording):
     benches = []

@@ -57,6 +57,11 @@ def received(camera, stamp_ns=0, width=160, height=120):
     return Received(camera, serialize_message(image_message(stamp_ns, "f", np.zeros((height, width, 3), np.uint8))))
 
 
+@pytest.fixture(autouse=True)
+def _four_at_once(monkeypatch):
+    monkeypatch.setattr("tracker_node.ros.tracker.worker._AT_ONCE_MS", 0.0)  # as of a tracker that has no time to spare
+
+
 @pytest.fixture
 def bench(tmp_path):
     return Bench(tmp_path)
@@ -458,3 +463,19 @@ def test_a_finishing_worker_tracks_sets_that_lack_a_camera(tmp_path):
         bench.inbox._enqueue(received(name, 70))
     bench.worker._thread.run()
     assert bench.stamps == [70] and bench.errors == []
+
+
+def test_sets_that_have_waited_are_made_up_for_where_that_takes_a_moment(tmp_path, monkeypatch):
+    monkeypatch.setattr("tracker_node.ros.tracker.worker._AT_ONCE_MS", 100.0)
+    bench = Bench(tmp_path, lossless=False)
+    bench.step(10)
+    bench.worker.step_ms = 100.0 / 6
+    bench.step(*range(20, 100, 10))
+    assert bench.stamps[:4] == [10, 40, 50, 60] and bench.counts.skipped == 2
+
+
+def test_stamps_that_a_driver_does_not_set_are_refused_but_not_a_recording_that_begins_at_zero(bench):
+    bench.worker._handle([received("cam1", ns) for ns in (0, 33, 0, 0, 0)])
+    assert bench.counts.refused == {"cam1": 2} and "header.stamp" in bench.counts.problems["cam1"]
+    bench.worker._handle([received("cam1", 66)])
+    assert bench.counts.refused == {"cam1": 2} and not bench.counts.problems

@@ -9,7 +9,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from ...camera.model import CameraModel
 from ...errors import SourceError, shown
-from ...loaders.bag.message_types import NS_PER_S, stamp_ns_of
+from ...loaders.bag.message_types import NS_PER_S
 from ...loaders.decoding import bayer_pattern, decoded, pixels_of
 from ...observation.image_set import ENCODINGS, CameraImage
 from ...runs import messages
@@ -93,7 +93,13 @@ def camera_image_of(camera: str, message: Image) -> CameraImage:
     content = np.frombuffer(message.data, np.uint8)
     size, swapped = (message.width, message.height), bool(message.is_bigendian)
     pixels, encoding = pixels_of(camera, size, message.encoding, message.step, content, big_endian=swapped)
-    return CameraImage(camera, stamp_ns_of(message.header.stamp), pixels, encoding)
+    return CameraImage(camera, _stamp_ns(camera, message.header.stamp.sec, message.header.stamp.nanosec), pixels, encoding)
+
+
+def _stamp_ns(camera: str, seconds: int, nanoseconds: int) -> int:
+    if nanoseconds >= NS_PER_S:
+        raise SourceError(camera, f"header.stamp.nanosec: expected less than {NS_PER_S}, got {nanoseconds}")
+    return seconds * NS_PER_S + nanoseconds
 
 
 def decode_raw_image(camera: str, data: bytes) -> CameraImage:
@@ -123,7 +129,7 @@ def decode_raw_image(camera: str, data: bytes) -> CameraImage:
     except (struct.error, IndexError, ValueError, UnicodeDecodeError) as error:
         raise SourceError(camera, f"damaged image message ({error})") from error
     pixels, encoding = pixels_of(camera, (width, height), encoding, step, content, big_endian=swapped)
-    return CameraImage(camera, seconds * NS_PER_S + nanoseconds, pixels, encoding)
+    return CameraImage(camera, _stamp_ns(camera, seconds, nanoseconds), pixels, encoding)
 
 
 class _CdrReader:
@@ -194,4 +200,4 @@ def bgr_of_compressed(camera: str, message: CompressedImage) -> CameraImage:
     bgr = decoded(message.data)
     if bgr is None:
         raise SourceError(camera, f"cannot decode a compressed image of format {shown(message.format)}")
-    return CameraImage(camera, stamp_ns_of(message.header.stamp), bgr)
+    return CameraImage(camera, _stamp_ns(camera, message.header.stamp.sec, message.header.stamp.nanosec), bgr)

@@ -23,7 +23,7 @@ _SILENT_LOSSLESS_S = 10.0  # the same of sources that wait for us, and end
 _FIRST_S = 30.0  # the same before any camera has sent one: they may be started after us
 _SAME_PX = 1.0  # lenses agree that put no ray farther apart than this
 _GRID = 5  # rays a side
-_UNUSED = ("late", "duplicate", "incomplete", "too_old", "ahead")  # what one camera alone may be to blame for
+_UNUSED = ("late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump")  # what one camera alone may be to blame for
 _MUCH = 0.1  # of a camera's images lost on the way, or thrown away
 _FEW = 4  # images, of which nothing is said
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 
 import numpy as np
@@ -67,6 +67,7 @@ class TrackerDiagnostics:
         self._before_s, self._tracked_before, self._skipped_before = time.monotonic(), 0, 0
         self._sets_before: Mapping[str, int] = {}
         self._jumps_of_clock, self._jumps_before = 0, (0, 0)  # of stamps, and of the clock
+        self._back_before: Counter[str] = Counter()
         self._silent = 0
         self._left_out = LeftOut()
         self._limbs_reported: set[str] = set()
@@ -147,7 +148,7 @@ class TrackerDiagnostics:
         too_slow = self._left_out.too_many(tracked, skipped)
         self._diagnostics.report("rate", *_rate_assessment(worker, tracked, self._silent, too_slow), values)
         self._report_sets(worker)
-        self._report_clock(worker.formation.clock_jumps)
+        self._report_clock(worker)
         if worker.paused:
             self._report_pause()
         else:
@@ -195,12 +196,16 @@ class TrackerDiagnostics:
             level, said = WARN, f"{fewer} of {fewer + complete} are of fewer cameras than are in use"
         self._diagnostics.report("image sets", level, said, values)
 
-    def _report_clock(self, stamps: int) -> None:
-        clock, (stamps_before, clock_before) = self._jumps_of_clock, self._jumps_before
+    def _report_clock(self, worker: TrackingWorker) -> None:
+        stamps, clock, (stamps_before, clock_before) = worker.formation.clock_jumps, self._jumps_of_clock, self._jumps_before
         self._jumps_before = stamps, clock
+        back = Counter({camera: counts["clock_jump"] for camera, counts in worker.formation.counters.items()})
+        alone, self._back_before = back - self._back_before, back
         level, said = OK, "stamps go forward"
         if stamps > stamps_before:
             level, said = WARN, "stamps went back: tracking has begun again"
+        elif alone:
+            level, said = WARN, f"stamps of {', '.join(alone)} went back: left out, the others go on"
         elif clock > clock_before:
             level, said = WARN, "the simulated clock went back"
         self._diagnostics.report("clock", level, said, {"jumps": stamps, "jumps of the simulated clock": clock})

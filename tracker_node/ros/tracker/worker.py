@@ -26,6 +26,7 @@ from .keypoint_inbox import PointMatching
 from .setup import INACTIVE, PAUSED, UNCALIBRATED, StartRequests, TrackingSetup, WorkerCounts
 
 _AT_ONCE = 4  # image sets that may wait in a graph that is watched live: a search takes as long as three, 0.1 s at 30 Hz
+_AT_ONCE_MS = 100.0  # or as many as take so long: those that have waited for a camera that stopped come together
 
 
 class TrackingWorker:
@@ -74,6 +75,7 @@ class TrackingWorker:
         self._requests = StartRequests()
         self._loop = TrackingLoop(setup.tracker)
         self._not_yet: list[Received] = []
+        self._unset: dict[str, bool] = {}  # camera -> whether the stamp of its latest image was 0
         self.formation = SetFormation(setup.cameras, setup.config.synchronizer)
         self.counts = WorkerCounts()
         self.latest: TrackEstimate | None = None
@@ -261,6 +263,9 @@ class TrackingWorker:
             image = received.decode()
             if problem := self._setup.rig[camera].model.size_problem(image.pixels):
                 raise TrackerError(problem)
+            unset_before, self._unset[camera] = self._unset.get(camera, False), image.stamp_ns == 0
+            if unset_before and self._unset[camera]:  # a single one is the beginning of a recording
+                raise TrackerError("header.stamp: expected the time of the exposure, got 0 again")
         except Exception as error:  # no image may end the thread
             counts.refused[camera] += 1
             if not isinstance(error, TrackerError):
@@ -274,7 +279,7 @@ class TrackingWorker:
 
     def _track(self, sets: list[ImageSet]) -> None:
         while sets:
-            too_many = len(sets) if self._ends() else 0 if self._lossless else max(0, len(sets) - _AT_ONCE)
+            too_many = len(sets) if self._ends() else 0 if self._lossless else max(0, len(sets) - self._most_at_once())
             self.counts.skipped += too_many
             sets = sets[too_many:]
             if not sets:
@@ -285,6 +290,9 @@ class TrackingWorker:
             self._thread.obey()
             if not self._lossless and not self.paused and self._setup.tracker is not None:  # what came meanwhile is newer
                 sets += self._formed(self._inbox.take(timeout_s=0.0))
+
+    def _most_at_once(self) -> int:
+        return max(_AT_ONCE, int(_AT_ONCE_MS / self.step_ms)) if self.step_ms else _AT_ONCE
 
     def _ends(self) -> bool:
         return self._thread.stopping.is_set() and not self._finishing
