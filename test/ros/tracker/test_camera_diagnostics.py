@@ -28,7 +28,8 @@ class Bench:
         self.inbox = ImageInbox(None, NAMES, InboxOptions(lossless=lossless, most_bytes=3 * 2**20), None)
         self.counters = {name: Counter() for name in NAMES}
         formation = SimpleNamespace(counters=self.counters)
-        self.worker = SimpleNamespace(formation=formation, counts=WorkerCounts(), lossless=lossless, busy=False, paused=False)
+        state = {"lossless": lossless, "busy": False, "paused": False, "rig": None}
+        self.worker = SimpleNamespace(formation=formation, counts=WorkerCounts(), **state)
         self.told = CameraDiagnostics(SimpleNamespace(report=self._keep), self.rig, self.inbox, from_topics)
 
     def _keep(self, part, level, said, values=None, *, hardware_id=""):
@@ -239,3 +240,25 @@ def test_a_calibration_that_cannot_be_read_is_said_to_be():
     info.distortion_model = "odd"
     level, said = compared_lenses("a", info, lens())
     assert level == WARN and said.startswith("that of the rig file; ") and "odd" in said
+
+
+def test_a_camera_info_that_changes_while_its_first_one_is_used_is_said_to(bench):
+    bench.worker.rig, model = bench.rig, bench.rig["cam1"].model
+
+    def said(info):
+        bench.inbox.infos["cam1"] = info
+        bench.report()
+        return bench.said["calibration of cam1"]
+
+    assert said(info_of(model)) == (OK, "calibrated: camera_info and its first message agree")
+    other = info_of(model)
+    other.k[0] *= 2.0
+    level, text = said(other)
+    assert level == WARN and "its first message's is used" in text and text.endswith("cleaned up and configured")
+    other.k[0] = 0.0
+    assert said(other) == (WARN, "that of its first message (camera_info: uncalibrated)")
+    other.k[0] = float("nan")
+    assert said(other)[0] == WARN
+    level, text = said(info_of(CameraModel(10, 10, model.K)))
+    assert level == WARN and "images of 10x10, its first message of" in text
+    assert said(info_of(model))[0] == OK

@@ -23,6 +23,8 @@ _SILENT_LOSSLESS_S = 10.0  # the same of sources that wait for us, and end
 _FIRST_S = 30.0  # the same before any camera has sent one: they may be started after us
 _SAME_PX = 1.0  # lenses agree that put no ray farther apart than this
 _GRID = 5  # rays a side
+_RIG_FILE, _FIRST_MESSAGE = "the rig file", "its first message"
+_ANEW = "; to take it, the node is to be cleaned up and configured"
 _UNUSED = ("late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump")  # what one camera alone may be to blame for
 _MUCH = 0.1  # of a camera's images lost on the way, or thrown away
 _FEW = 4  # images, of which nothing is said
@@ -34,7 +36,7 @@ class CameraDiagnostics:
     Parameters
     ----------
     rig : all cameras, with the lenses of the rig file.
-    from_topics : lenses are those of camera_info; what the rig says of them does not matter.
+    from_topics : lenses are those that camera_info said first; what the rig says of them does not matter.
     """
 
     def __init__(self, diagnostics: Diagnostics, rig: CameraRig, inbox: ImageInbox, from_topics: bool):
@@ -91,8 +93,10 @@ class CameraDiagnostics:
         self._before_s = now
         for name in self._contradicted if worker.paused else ():
             self._diagnostics.report(f"{name} against the others", OK, PAUSED, hardware_id=name)
-        if not self._from_topics:
-            self._report_calibration(cameras)
+        if self._from_topics and worker.rig is not None:
+            self._report_calibration(cameras, worker.rig, _FIRST_MESSAGE)
+        elif not self._from_topics:
+            self._report_calibration(cameras, self._rig, _RIG_FILE)
 
     def _newly_unused(self, name: str, counter: Mapping[str, int]) -> Counter[str]:
         """Images since the last report that came and are in no set, by the reason."""
@@ -130,44 +134,47 @@ class CameraDiagnostics:
         # While we are at work, a source that waits for our answers is rightly silent.
         return (OK, "waits for the tracker") if worker.busy else (STALE, "no camera sends images")
 
-    def _report_calibration(self, cameras: tuple[str, ...]) -> None:
-        """Of the rig file's lenses, which are those in use."""
+    def _report_calibration(self, cameras: tuple[str, ...], rig: CameraRig, source: str) -> None:
+        """``rig`` has the lenses in use, which are from ``source``."""
         infos = dict(self._inbox.infos)
         for name in cameras:
-            if name in infos:
-                level, said = compared_lenses(name, infos[name], self._rig[name].model)
+            if name in infos and name in rig.names:
+                level, said = compared_lenses(name, infos[name], rig[name].model, source)
                 self._diagnostics.report(f"calibration of {name}", level, said, hardware_id=name)
                 self._compared.add(name)
         for name in self._compared - set(cameras):
             self._diagnostics.report(f"calibration of {name}", OK, "not in use", hardware_id=name)
 
 
-def compared_lenses(camera: str, info: CameraInfo, lens: CameraModel) -> tuple[bytes, str]:
-    """Whether the calibration that a camera publishes is the one of the rig file, which is used.
+def compared_lenses(camera: str, info: CameraInfo, lens: CameraModel, source: str = _RIG_FILE) -> tuple[bytes, str]:
+    """Whether the calibration that a camera publishes is the one in use.
 
     Parameters
     ----------
     camera : its name.
     info : what the camera publishes.
-    lens : that of the rig file.
+    lens : in use.
+    source : where that is from.
 
     Returns
     -------
     level, text : for /diagnostics.
     """
     if info.k[0] == 0.0:
-        return OK, "that of the rig file (camera_info: uncalibrated)"
+        return OK if source == _RIG_FILE else WARN, f"that of {source} (camera_info: uncalibrated)"
     try:
         other = lens_of(camera, info)
     except TrackerError as error:
-        return WARN, f"that of the rig file; {error}"
+        return WARN, f"that of {source}; {error}"
     if (other.width, other.height) != (lens.width, lens.height):
-        sizes = f"{other.width}x{other.height}, the rig file of {lens.width}x{lens.height}"
-        return WARN, f"camera_info speaks of images of {sizes}; --calibration camera_info takes the former"
+        sizes = f"{other.width}x{other.height}, {source} of {lens.width}x{lens.height}"
+        remedy = "; --calibration camera_info takes the former" if source == _RIG_FILE else _ANEW
+        return WARN, f"camera_info speaks of images of {sizes}{remedy}"
     distance_px = lens_distance(lens, other)
     if not distance_px <= _SAME_PX:  # nan too
-        return WARN, f"camera_info and the rig file are up to {distance_px:.1f} px apart; the rig file's is used"
-    return OK, "calibrated: camera_info and the rig file agree"
+        remedy = "" if source == _RIG_FILE else _ANEW
+        return WARN, f"camera_info and {source} are up to {distance_px:.1f} px apart; {source}'s is used{remedy}"
+    return OK, f"calibrated: camera_info and {source} agree"
 
 
 def lens_distance(one: CameraModel, other: CameraModel) -> float:
