@@ -19,6 +19,7 @@ def generate_launch_description() -> LaunchDescription:
         argument("namespace"),
         argument("topics"),
         argument("compressed"),
+        argument("listeners"),
         argument("use_sim_time"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_ingest)])
@@ -29,6 +30,7 @@ def _ingest(context) -> list:
     arguments = ["--rig", value_of(context, "rig"), "--shrink", value_of(context, "shrink")]
     arguments += ["--rate", rate] if rate else []
     arguments += [f"--{name}" for name in ("loop", "compressed") if value_of(context, name) == "true"]
+    arguments += ["--wait-for-info-subscribers", value_of(context, "listeners")]
     topics = value_of(context, "topics")
     arguments += ["--topics", *topics.split()] if topics else []
     node = Node(

@@ -17,9 +17,13 @@ TRACKER = (
     *(*SHARED, "model", "initial_state", "occluders", "params_file", "calibration", "topics"),
     *("name", "frame_prefix", "link_frames", "lossless", "joint_states", "keypoints"),
 )
-INGEST = (*SHARED, "rate", "shrink", "loop", "topics", "compressed")
+INGEST = (*SHARED, "rate", "shrink", "loop", "topics", "compressed", "listeners")
 DETECTOR = (*SHARED, "keypoints_rate", "weights", "topics", "name")
 RVIZ = (*SHARED, "layout", "name")
+STARTED = [  # nodes that listen to all cameras; none where params_file may leave some out
+    *("0 if '", LaunchConfiguration("params_file"), "' else 1 + ('", LaunchConfiguration("keypoints"), "' == 'true')"),
+    *(" + ('", LaunchConfiguration("bag"), "' != '')"),
+]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -42,6 +46,7 @@ def generate_launch_description() -> LaunchDescription:
             default_value=PythonExpression(["str('", LaunchConfiguration("record_images"), "' == 'compressed').lower()"]),
             description="the cameras of ingest offer JPEG images, too; true where the bag takes those",
         ),
+        argument("listeners", default_value=PythonExpression(STARTED)),
         *map(argument, ("keypoints_rate", "weights", "rviz")),
         argument("layout"),
     ]

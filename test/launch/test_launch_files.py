@@ -307,3 +307,12 @@ def test_cameras_offer_the_images_that_the_bag_takes(stand_ins):
         nodes = started_by("rig.launch.py", **BODY, bag="out/bag", record_images=images)
         ingest = next(node for node in nodes if node.name == "camera_ingest")
         assert ("--compressed" in ingest.arguments) is offered
+
+
+@pytest.mark.parametrize(("given", "listeners"), [
+    ({}, "1"), ({"keypoints": "true"}, "2"), ({"keypoints": "true", "bag": "out/bag"}, "3"), ({"params_file": "p.yaml"}, "0"),
+    ({"listeners": "7"}, "7"),
+])  # fmt: skip
+def test_recordings_wait_for_those_that_are_started_with_them(stand_ins, given, listeners):
+    ingest = next(node for node in started_by("rig.launch.py", **BODY, **given) if node.name == "camera_ingest")
+    assert ingest.arguments[ingest.arguments.index("--wait-for-info-subscribers") + 1] == listeners

@@ -54,6 +54,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     "topics": {"default_value": "", "description": "'cam01=/front/image_raw cam02=...': image topics, before what rig.yaml says"},
     "name": {"default_value": "tracker", "description": "the tracker node's name; one for each of several trackers"},
     "frame_prefix": {"default_value": "", "description": "before link frames; one for each of several bodies"},
+    "listeners": {"default_value": "0", "description": "recordings begin when so many nodes listen to camera_info; 0: at once"},
     "rate": {"default_value": "", "description": "images per second of recordings; empty: what they say"},
     "rviz": {"default_value": "false", "choices": SWITCH, "description": "open RViz"},
     "layout": {"default_value": "", "description": "of RViz; empty: one for the cameras of rig"},
