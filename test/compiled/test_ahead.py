@@ -138,6 +138,14 @@ def test_a_helper_that_is_interrupted_says_nothing(tmp_path):
     assert process.communicate(timeout=20.0)[1] == "" and process.returncode == 0
 
 
+def test_a_helper_whose_asker_is_gone_says_nothing(tmp_path):
+    process = started(["-m", "tracker_node.compiled.ahead"], tmp_path)
+    process.stdout.close()
+    process.stdin.write(f"{next(i for i, kernel in enumerate(listed()) if not kernel.after)}\n")
+    process.stdin.close()
+    assert process.stderr.read() == "" and process.wait(20.0) == 0
+
+
 def started(arguments: list[str], cache: Path) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, *arguments], env={**os.environ, "NUMBA_CACHE_DIR": str(cache)}, stdin=subprocess.PIPE,

@@ -258,10 +258,10 @@ def _by_helper(work: _Work) -> None:
 
 def main() -> int:
     """Compile the functions whose places in the list come by standard input; each is answered by its place."""
-    with suppress(KeyboardInterrupt), _interruptible(lambda: None):  # who asks is interrupted as well
+    with suppress(KeyboardInterrupt, BrokenPipeError), _interruptible(lambda: None):  # who asks is interrupted as well, or gone
         for line in sys.stdin:
             listed()[int(line)].compile()
-            print(line.strip(), flush=True)
+            os.write(sys.stdout.fileno(), f"{line.strip()}\n".encode())  # not buffered: nothing is left to be written at the end
     return 0
 
 

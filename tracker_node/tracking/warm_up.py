@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..camera.rig import CameraRig, axes_equations
-from ..compiled.ahead import compile_ahead, show_progress
+from ..compiled.ahead import Progress, compile_ahead, show_progress
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
@@ -30,6 +30,7 @@ def warm_up(
     state: State | None = None,
     occluders: ArticulatedModel | None = None,
     keypoints: KeypointTable | None = None,
+    progress: Progress = show_progress,
 ) -> None:
     """Track a drawn body in small images with a tracker of this kind, and forget it.
 
@@ -42,13 +43,14 @@ def warm_up(
     state : where the body is; None: it is searched, too.
     occluders : what may stand before the body.
     keypoints : as for the `Tracker`.
+    progress : told of what is compiled.
 
     Raises
     ------
     TrackerError : the configuration does not suit the body.
     """
     if REGION in config.modalities:
-        compile_ahead(show_progress)
+        compile_ahead(progress)
     small = _small_rig(rig)
     configuration = Configuration(model, state or _in_the_middle(rig, model))
     brief = _brief(config)

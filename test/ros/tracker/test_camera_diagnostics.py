@@ -254,7 +254,7 @@ def test_a_camera_info_that_changes_while_its_first_one_is_used_is_said_to(bench
     other = info_of(model)
     other.k[0] *= 2.0
     level, text = said(other)
-    assert level == WARN and "its first message's is used" in text and text.endswith("cleaned up and configured")
+    assert level == WARN and "px from its first message, which is used" in text and text.endswith("cleaned up and configured")
     other.k[0] = 0.0
     assert said(other) == (WARN, "that of its first message (camera_info: uncalibrated)")
     other.k[0] = float("nan")

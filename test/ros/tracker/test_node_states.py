@@ -129,3 +129,13 @@ def test_lenses_of_the_rig_are_not_waited_for(make):
     assert node.start()
     node._take_calibrations()
     assert "calibration" not in node._diagnostics._statuses
+
+
+def test_a_first_start_says_how_far_it_has_compiled(make, monkeypatch):
+    node, clock, lines = make(), SimpleNamespace(now_s=100.0), []
+    monkeypatch.setattr("tracker_node.ros.tracker.node.time", SimpleNamespace(monotonic=lambda: clock.now_s))
+    monkeypatch.setattr(node, "get_logger", lambda: SimpleNamespace(info=lines.append))
+    for done in range(1, 21):
+        node._maker._progress(done, 20)
+        clock.now_s += 1.0
+    assert lines == [f"compiling, once: {done} of 20" for done in (1, 7, 13, 19, 20)]

@@ -172,8 +172,9 @@ def compared_lenses(camera: str, info: CameraInfo, lens: CameraModel, source: st
         return WARN, f"camera_info speaks of images of {sizes}{remedy}"
     distance_px = lens_distance(lens, other)
     if not distance_px <= _SAME_PX:  # nan too
-        remedy = "" if source == _RIG_FILE else _ANEW
-        return WARN, f"camera_info and {source} are up to {distance_px:.1f} px apart; {source}'s is used{remedy}"
+        if source == _RIG_FILE:
+            return WARN, f"camera_info and the rig file are up to {distance_px:.1f} px apart; the rig file's is used"
+        return WARN, f"camera_info is up to {distance_px:.1f} px from {source}, which is used{_ANEW}"
     return OK, f"calibrated: camera_info and {source} agree"
 
 

@@ -43,6 +43,7 @@ _CALIBRATIONS_S = 30.0  # for cameras that are started after the tracker to say 
 
 _FINISH_S = 300.0  # who has asked for it has less patience
 PARAMETERS = "parameters"  # the part of /diagnostics that says whether they are in effect
+_TELL_S = 5.0  # between two lines of what is compiled
 _PATIENCE_S = 5.0  # until lenses that no tracker can be made for are tried again
 
 
@@ -58,7 +59,8 @@ class TrackerNode(ManagedNode):
 
     def __init__(self, options: TrackerOptions):
         super().__init__("tracker")
-        self._options, self._maker = options, TrackerMaker(options)
+        self._options, self._maker = options, TrackerMaker(options, self._compiled)
+        self._told_s = 0.0  # steady time of the last line of that
         self._diagnostics = Diagnostics(self, options.model.name)
         self._mismatches = QosMismatches(self, self._diagnostics)
         self._parameters_of_node = ConfigParameters(
@@ -250,6 +252,12 @@ class TrackerNode(ManagedNode):
         with self._parameters_of_node.declared_with(parameter_list):
             refused = self._parameters_of_node.without_effect(parameter_list) or unknown_parameters(self, parameter_list)
             return refused or super().set_parameters_atomically(parameter_list)
+
+    def _compiled(self, done: int, total: int) -> None:
+        """At the first start this takes minutes."""
+        if time.monotonic() > self._told_s + _TELL_S or done == total:
+            self._told_s = time.monotonic()
+            self.get_logger().info(f"compiling, once: {done} of {total}")
 
     def _setup(self, config: TrackerConfig, cameras: tuple[str, ...], lenses: Mapping[str, CameraModel] | None) -> TrackingSetup:
         self._maker.prepare(cameras, config)

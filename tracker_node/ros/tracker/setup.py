@@ -16,6 +16,7 @@ import numpy as np
 
 from ...camera.model import CameraModel
 from ...camera.rig import CameraRig
+from ...compiled.ahead import Progress, show_progress
 from ...errors import TrackerError
 from ...loaders.images.source import load_backgrounds, resized_backgrounds
 from ...model.articulated import ArticulatedModel
@@ -103,13 +104,18 @@ class TrackerOptions:
 class TrackerMaker:
     """Makes trackers for the cameras in use.
 
+    Parameters
+    ----------
+    options : of the node.
+    progress : told of what is compiled, from several threads.
+
     Raises
     ------
     SourceError, CalibrationError : images of the background that are missing, unreadable or of another size.
     """
 
-    def __init__(self, options: TrackerOptions):
-        self._options = options
+    def __init__(self, options: TrackerOptions, progress: Progress = show_progress):
+        self._options, self._progress = options, progress
         self._backgrounds = load_backgrounds(options.rig)
         self._small: list[SmallTrackers] = []
         self._prepared: TrackerConfig | None = None
@@ -149,7 +155,7 @@ class TrackerMaker:
         if options.make_tracker is not None or self._prepared == config:
             return
         rig = options.rig.subset(cameras)
-        warm_up(rig, options.model, config, options.initial_state, options.occluders, options.keypoints)
+        warm_up(rig, options.model, config, options.initial_state, options.occluders, options.keypoints, self._progress)
         self._prepared = config
 
     def tracker(self, rig: CameraRig, config: TrackerConfig) -> Steppable:
