@@ -95,5 +95,14 @@ def test_the_first_parameter_that_is_not_there_is_named(make):
     assert "threads" in refusal.reason
 
 
+def test_of_many_names_those_most_like_an_unknown_one_are_told(make):
+    node = own_topic(make)
+    for i in range(30):
+        node.declare_parameter(f"region.scale_{i}", 1)
+    refusal = overrides.unknown_parameters(node, [Parameter("region.scale", value=1)])
+    assert refusal.reason.count(",") == 4 and "region.scale_9" in refusal.reason and "qos_overrides" not in refusal.reason
+    assert overrides.unknown_parameters(node, [Parameter("zzz", value=1)]).reason.count(",") == 4
+
+
 def test_choices_are_told_with_commas():
     assert overrides.one_of(("a", "b")) == "one of a, b"

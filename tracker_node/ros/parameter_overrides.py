@@ -14,6 +14,7 @@ from ..errors import FileFormatError, UnknownNameError
 
 _ROS_OWN = ("use_sim_time", "start_type_description_service")  # that rclpy gives every node
 _QOS_PREFIX = "qos_overrides."
+_NAMED = 5  # names that one that is not known may have meant
 _QOS_CHOICES = {"history": ("keep_last", "keep_all"), "reliability": ("reliable", "best_effort")}
 
 
@@ -51,7 +52,13 @@ def refuse_unknown(node: Node, known: Collection[str]) -> None:
     known = {*known, *_ROS_OWN}
     for name in overrides_of(node):
         if name not in known and not name.startswith(_QOS_PREFIX):
-            raise UnknownNameError("parameter", name, known)
+            raise UnknownNameError("parameter", name, _nearest(name, known))
+
+
+def _nearest(name: str, known: Collection[str]) -> list[str]:
+    """The names most like it: of some 150, and as many qualities of service, nobody reads all."""
+    of_its_kind = [other for other in sorted(known) if other.startswith(_QOS_PREFIX) == name.startswith(_QOS_PREFIX)]
+    return get_close_matches(name, of_its_kind, _NAMED, cutoff=0.0)
 
 
 def check_qos_overrides(node: Node) -> None:
@@ -88,7 +95,7 @@ def refuse_unknown_qos(node: Node) -> None:
     for name in overrides_of(node):
         if name.startswith(own) and not node.has_parameter(name):
             declared = node.get_parameters_by_prefix(_QOS_PREFIX[:-1])
-            raise UnknownNameError("parameter", name, [_QOS_PREFIX + other for other in declared])
+            raise UnknownNameError("parameter", name, _nearest(name, [_QOS_PREFIX + other for other in declared]))
 
 
 def unknown_parameters(node: Node, parameters: Sequence[Parameter]) -> SetParametersResult | None:
@@ -105,8 +112,7 @@ def unknown_parameters(node: Node, parameters: Sequence[Parameter]) -> SetParame
     """
     for parameter in parameters:
         if not node.has_parameter(parameter.name):
-            known = list(node._parameters)
-            error = UnknownNameError("parameter", parameter.name, get_close_matches(parameter.name, known, 5) or known)
+            error = UnknownNameError("parameter", parameter.name, _nearest(parameter.name, node._parameters))
             return SetParametersResult(successful=False, reason=str(error))
     return None
 

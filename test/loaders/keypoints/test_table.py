@@ -62,3 +62,13 @@ def test_other_files(tmp_path):
     path.write_text("cameras: {}\nlinks: [a]")
     with pytest.raises(WrongKindOfFileError, match="not a table of keypoints"):
         load_keypoint_table(path, human_model())
+
+
+def test_a_table_of_somebody_else_is_refused(tmp_path):
+    """Single points that this body lacks are no mistake."""
+    path, landmark = tmp_path / "keypoints.yaml", crane().landmark_names[0]
+    path.write_text("points: {a: {landmark: nose}, b: {landmark: neck}}")
+    with pytest.raises(FileFormatError, match=rf"keypoints.yaml: field 'points.a.landmark': expected .* {landmark}.*got 'nose'"):
+        load_keypoint_table(path, crane())
+    path.write_text(f"points: {{a: {{landmark: nose}}, b: {{landmark: {landmark}}}}}")
+    assert set(load_keypoint_table(path, crane())) == {"a", "b"}

@@ -219,3 +219,18 @@ def test_a_jump_back_of_stamps_begins_anew(build):
     bench.put(1)
     assert used(bench.track(2)) == {"cam1": 1, "cam2": 1, "cam3": 1}
     assert replace(bench.tracker.sets[-1].images[0], people=None).people_stamp_ns == PERIOD_NS
+
+
+def test_points_that_cannot_be_used_are_said_to_be(build):
+    bench = build()
+    bench.track(0)
+    person = points("cam1", 0).persons[0]
+    person.covariance_uu = [-1.0] * len(NAMES)
+    bench.put(0, persons=[person])
+    bench.node._keypoints.report()
+    bench.probe.spin_until(lambda: bench.said.level == DiagnosticStatus.WARN, "a warning")
+    assert bench.said.message.startswith("camera 'cam1': keypoints: no point can be used: expected")
+    assert not bench.node._keypoints.refused
+    bench.put(1)
+    bench.node._keypoints.report()
+    bench.probe.spin_until(lambda: bench.said.level == DiagnosticStatus.OK, "no warning")

@@ -89,6 +89,8 @@ def test_set_state_and_reset(probe, recording, start_tracker):
     assert answer.success and answer.message == ""
     answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["knee"], values=[0.7]))
     assert not answer.success and "knee" in answer.message and "elbow_flexion" in answer.message
+    answer = probe.ask(SetState, "tracker/set_state", SetState.Request())
+    assert not answer.success and answer.message.endswith("got none")
     cameras.send(1)
     probe.spin_until(lambda: len(states) == 2, "a state after set_state")
     assert probe.ask(Trigger, "tracker/reset", Trigger.Request()).success

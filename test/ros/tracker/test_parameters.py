@@ -88,3 +88,13 @@ def test_a_refused_change_of_modalities_leaves_the_parameters_as_they_were(make)
     assert parameters.config == TrackerConfig() and set(node._parameters) == before
     with parameters.declared_with([Parameter("modalities", value=["nonsense"])]):
         assert set(node._parameters) == before
+
+
+def test_more_cameras_than_the_rig_has_are_no_smallest_number(ros):
+    node = Node("tracker")
+    parameters = ConfigParameters(node, cameras=("a", "b", "c"))
+    result = node.set_parameters_atomically([Parameter("synchronizer.min_cameras", value=4)])
+    assert not result.successful and "min_cameras': expected at most 3, the cameras of the rig, got 4" in result.reason
+    assert node.set_parameters_atomically([Parameter("synchronizer.min_cameras", value=3)]).successful
+    assert parameters.config.synchronizer.min_cameras == 3
+    node.destroy_node()

@@ -69,9 +69,11 @@ def load_keypoint_table(path: str | Path, model: ArticulatedModel) -> KeypointTa
     FileFormatError : naming file and field; for a landmark that the body lacks with those that it has.
     """
     content, table = _read(path), {}
+    has_some = any(entry.landmark in model.landmark_names for entry in content.points.values())
+    allowed = {*model.landmark_names, *gait_human().landmark_names}
     for name, entry in content.points.items():
-        # What a person may have, but not this body, such as knuckles or a lost foot, is no mistake
-        if entry.landmark not in {*model.landmark_names, *gait_human().landmark_names}:
+        # What a person may have, but not this body, such as knuckles or a lost foot, is no mistake, unless it has nothing else
+        if entry.landmark not in (allowed if has_some else model.landmark_names):
             known = ", ".join(model.landmark_names) or "none"
             raise FileFormatError(path, f"points.{name}.landmark", f"a landmark of {model.name}: {known}", entry.landmark)
         table[name] = LandmarkPoint(entry.landmark, entry.offset, entry.sigma, entry.by_leg)

@@ -23,6 +23,7 @@ _SILENT_LOSSLESS_S = 10.0  # the same of sources that wait for us, and end
 _FIRST_S = 30.0  # the same before any camera has sent one: they may be started after us
 _SAME_PX = 1.0  # lenses agree that put no ray farther apart than this
 _GRID = 5  # rays a side
+_PROFILE = ": its driver needs FASTRTPS_DEFAULT_PROFILES_FILE, too (docs/nodes.md, Transport)"
 _RIG_FILE, _FIRST_MESSAGE = "the rig file", "its first message"
 _ANEW = "; to take it, the node is to be cleaned up and configured"
 _UNUSED = ("late", "duplicate", "incomplete", "too_old", "ahead", "clock_jump")  # what one camera alone may be to blame for
@@ -88,7 +89,8 @@ class CameraDiagnostics:
                 most = f"{self._inbox.most_bytes / 2**20:.0f} MiB of images wait"
                 level, said = ERROR, f"images are lost though none may be: {most}, the tracker is too slow for these cameras"
             elif level == OK and gone.total() > _MUCH * (n_new + gone["lost in transport"]):
-                level, said = WARN, f"images are lost ({', '.join(f'{reason} {n}' for reason, n in gone.items())})"
+                remedy = _PROFILE if gone["lost in transport"] else ""
+                level, said = WARN, f"images are lost ({', '.join(f'{reason} {n}' for reason, n in gone.items())}){remedy}"
             self._diagnostics.report(name, level, said, {"images per second": rate, **values}, hardware_id=name)
         self._before_s = now
         for name in self._contradicted if worker.paused else ():

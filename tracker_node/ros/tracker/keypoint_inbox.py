@@ -10,11 +10,12 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
@@ -22,6 +23,7 @@ from tracker_msgs.msg import Keypoints
 
 from ...errors import CalibrationError, shown
 from ...observation.image_set import CameraImage, ImageSet
+from ...observation.keypoints.people import Person
 from ...runs.messages.people import DetectedPeople, detected_people, with_known_names, with_people
 from ...tracking.keypoints.late import MOST_LATE_S
 from ..diagnostics import OK, WARN, Diagnostics, QosMismatches
@@ -262,6 +264,10 @@ class KeypointInbox:
             self._tell_once(camera, str(error), error.problem)
             return
         self._problems.pop(camera, None)
+        if _are_useless(message, detected.people):
+            problem = "keypoints: no point can be used: expected finite pixels, covariances that are some, and scores from 0 to 1"
+            self._problems[camera] = f"camera '{camera}': {problem}"
+            self._tell_once(camera, self._problems[camera], problem)
         for note in detected.notes:
             self._tell_once(camera, f"camera '{camera}': keypoints: {note}", note)
         self.matching.put(camera, detected)
@@ -301,3 +307,9 @@ class KeypointInbox:
         """Points are not among the modalities any more."""
         if self.received.total():
             self._diagnostics.report(PART, OK, "not in use")
+
+
+def _are_useless(message: Any, people: Sequence[Person]) -> bool:
+    """Whether points were found, and none of them is one that can be used: see `observation.keypoints.people.checked`."""
+    found = any(np.any(np.isfinite(person.u) & (np.array(person.scores) > 0.0)) for person in message.persons)
+    return found and not any(np.any(person.scores > 0.0) for person in people)

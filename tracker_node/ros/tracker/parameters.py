@@ -17,7 +17,7 @@ from ...tracking.renamed import refuse_renamed
 from ..parameter_overrides import check_qos_overrides, integers_as_doubles, one_of, overrides_of, refuse_unknown
 
 _INT_MAX = 2**63 - 1
-_CAMERAS = "cameras"
+_CAMERAS, _MIN_CAMERAS = "cameras", "synchronizer.min_cameras"
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,9 @@ class ConfigParameters:
     def _merged(self, parameters: list[Parameter]) -> tuple[TrackerConfig, tuple[str, ...]]:
         own = {p.name: p.value for p in parameters if p.name in self._known}
         cameras = [self._in_use(p.value) for p in parameters if p.name == _CAMERAS and self._all_cameras]
+        n = own.get(_MIN_CAMERAS, 0)
+        if self._all_cameras and n > len(self._all_cameras):
+            raise FileFormatError(self._source, _MIN_CAMERAS, f"at most {len(self._all_cameras)}, the cameras of the rig", n)
         config = updated(self.config, own, self._source) if own else self.config  # every publisher declares some of its own
         return config, cameras[-1] if cameras else self.cameras
 

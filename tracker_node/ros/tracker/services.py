@@ -93,6 +93,8 @@ class TrackerServices:
 
     def _on_set_state(self, body: str, worker: TrackingWorker, request: SetState.Request) -> str:
         model = self._options.each[body].model
+        if not request.dof_names and not request.values:
+            raise TrackerError("expected one or more names of degrees of freedom, and a value for each, got none")
         values = values_with_changes(model, self._values_now(body, worker), request.dof_names, request.values)
         refuse_implausible(model, values)
         state = State.from_values(values)
