@@ -9,6 +9,7 @@ import pytest
 from helpers.ros.held_tracker import HeldTracker
 from helpers.ros.samples import small_rig, some_state, tracked_arm
 from tracker_node.cli.nodes.tracker import add_arguments, tracker_options
+from tracker_node.compiled.ahead import show_progress
 from tracker_node.errors import TrackerError
 from tracker_node.loaders.model.model_yaml import dump_model
 from tracker_node.ros.tracker.image_inbox import InboxOptions
@@ -64,7 +65,7 @@ def test_code_is_made_ready_once_for_each_configuration(rig, monkeypatch):
         maker.prepare(("cam2",), wanted)
     assert [args[2] for args in warmed] == [config, other]
     cameras, *others = warmed[0]
-    assert cameras.names == ("cam2",) and others == [MODEL, config, state, None, None]
+    assert cameras.names == ("cam2",) and others == [MODEL, config, state, None, None, show_progress]
 
 
 def test_bodies_of_a_recording_have_its_parameters_unless_others_are_given(rig, tmp_path):
