@@ -6,7 +6,7 @@ from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, picture, ring
 from tracker_node.calibration.board.board import Board, BoardDetector
 from tracker_node.calibration.board.views import CameraViews, detect_boards, with_board, without_blur
 from tracker_node.camera.rig import Camera
-from tracker_node.errors import CalibrationError, SourceError
+from tracker_node.errors import CalibrationError
 from tracker_node.geometry import se3, so3
 from tracker_node.loaders.images.source import open_source
 
@@ -139,7 +139,8 @@ def test_corners_that_turn_the_other_way_are_no_view():
     assert view is not None and detector.find(np.zeros((800, 1280), np.uint8)) is None
 
 
-def test_images_that_change_their_size_are_refused(tmp_path):
+def test_images_of_another_size_are_left_out_and_named(tmp_path):
     images = [np.zeros((120, 160), dtype=np.uint8)] * 2 + [np.zeros((240, 320), dtype=np.uint8)]
-    with pytest.raises(SourceError, match="changes from 160x120 to 320x240"):
-        detect_boards({"left": film(tmp_path, "left", images)}, SMALL)
+    found = detect_boards({"left": film(tmp_path, "left", images)}, SMALL)["left"]
+    (problem,) = found.problems
+    assert found.n_searched == 2 and "is of 320x240 pixels, not 160x120" in problem
