@@ -5,7 +5,7 @@ import pytest
 
 from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
-from tracker_node.camera.rig import check_metres, wrong_unit
+from tracker_node.camera.rig import check_metres, check_place, wrong_unit
 from tracker_node.errors import TrackerError
 
 EYES = ((3.0, 0.3, 1.2), (-2.0, 2.5, 1.1), (-1.5, -2.6, 1.3))
@@ -54,3 +54,10 @@ def test_long_lenses_far_away_are_not_refused():
 def test_a_body_in_another_unit_is_told(size_m):
     with pytest.raises(TrackerError, match=rf"a body in meters, got one of {size_m:.3g} m; meshes in mil.* take scale"):
         check_metres(cameras([1, 1, 1]), size_m)
+
+
+def test_a_state_in_millimeters_is_refused_with_its_place():
+    for place in ((0.2, 0.1, 1.0), (2.0, 0.3, 1.0), (0.0, 40.0, 1.0)):
+        check_place(cameras([1, 1, 1]), 1.8, np.array(place))
+    with pytest.raises(TrackerError, match=r"^initial state: expected a place in meters .* got \(200, 100, 1000\), 1023 m from"):
+        check_place(cameras([1, 1, 1]), 1.8, np.array([200.0, 100.0, 1000.0]))

@@ -237,6 +237,7 @@ def epipolar_curve(camera: Camera, pixel: np.ndarray, other: Camera) -> np.ndarr
 SMALLEST_BODY_M = 1e-4  # and hardly anything smaller is tracked
 LARGEST_ROOM_M = 100.0  # a camera farther than this from the others is hardly meant in meters
 LEAST_PX = 20.0  # a body that is smaller in the images is not tracked
+_LEAST_OF_IMAGE = 0.005  # of its height, that a body has where it may be
 
 
 @dataclass(frozen=True)
@@ -284,6 +285,26 @@ def wrong_unit(cameras: Sequence[Camera]) -> WrongUnit | None:
     typical = float(np.median(apart[far]))
     names = tuple(camera.name for camera, is_far in zip(cameras, far, strict=True) if is_far)
     return WrongUnit(names, bool(far.all()), typical, 1e-3 if typical > 1000.0 else 1e-2)
+
+
+def check_place(cameras: Sequence[Camera], size_m: float, place: np.ndarray) -> None:
+    """Refuse a state in another unit, which puts the body so far away that no camera could see it.
+
+    Parameters
+    ----------
+    cameras : of the rig.
+    size_m : size of the body.
+    place : (3,) of its root, meters, world.
+
+    Raises
+    ------
+    TrackerError : with the place.
+    """
+    away = [(c.model, max(float(np.linalg.norm(c.center - place)), size_m)) for c in cameras]
+    if max(size_m * float(lens.K[1, 1]) / (far * lens.height) for lens, far in away) < _LEAST_OF_IMAGE:
+        at, nearest = ", ".join(f"{x:.4g}" for x in place), min(far for _, far in away)
+        told = f"expected a place in meters where cameras may see the body, got ({at}), {nearest:.0f} m from the nearest camera"
+        raise TrackerError(f"initial state: {told}")
 
 
 def check_metres(cameras: Sequence[Camera], size_m: float) -> None:

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..camera.rig import CameraRig, check_metres
+from ..camera.rig import CameraRig, check_metres, check_place
 from ..errors import CalibrationError, ModelError, TrackerError
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Neighbor, State, configured
@@ -124,6 +124,8 @@ class Tracker:
         if not model.shapes:
             raise ModelError(f"'{model.name}' has no shapes, and nothing of it is seen: expected at least one")
         check_metres(rig.cameras, body_size(model))
+        if initial_state is not None:
+            check_place(rig.cameras, body_size(model), initial_state.T_world_root[:3, 3])
         self.rig, self.model = rig, model
         self.config = config = checked_combination(config or TrackerConfig(), "tracker config")
         self._initial_state, backgrounds, keypoints = initial_state, backgrounds or {}, keypoints or BLAZEPOSE
