@@ -463,11 +463,12 @@ class _Record:
 
 def _without_colors(image_set: ImageSet, config: TrackerConfig) -> list[str]:
     """Says which images are gray, where outlines alone are to tell the body by its colors."""
+    if REGION not in config.modalities or KEYPOINTS in config.modalities:
+        return []
     rows = {image.camera: image.pixels[::_EVERY_ROW] for image in image_set.images}
     gray = [name for name, of in rows.items() if np.ptp(of) and (of == of[:, :, :1]).all()]
-    if not gray or REGION not in config.modalities or KEYPOINTS in config.modalities:
-        return []
-    return [f"{', '.join(gray)} without colors, by which region tells a body: chamfer with backgrounds, or points, tell more"]
+    told = f"{', '.join(gray)} without colors, by which region tells a body: chamfer with backgrounds, or points, tell more"
+    return [told] if gray else []
 
 
 def _track(

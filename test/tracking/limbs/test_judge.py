@@ -33,10 +33,10 @@ def evidence(close=0.85, **limbs) -> PartEvidence:
     return PartEvidence(expected, close, close, close, 14.0 * close, 0.0 * expected, expected - close)
 
 
-def told(judge: LimbJudge, seen: PartEvidence, sets: int = 1, covariance=None) -> dict[str, LimbReport]:
+def told(judge: LimbJudge, seen: PartEvidence, sets: int = 1, covariance=None, **options) -> dict[str, LimbReport]:
     reports: tuple[LimbReport, ...] = ()
     for _ in range(sets):
-        reports = judge.update(seen, STATE, covariance)
+        reports = judge.update(seen, STATE, covariance, **options)
     return {report.name: report for report in reports}
 
 
@@ -517,9 +517,9 @@ def test_outlines_are_compared_with_those_of_sets_in_which_silhouettes_help_as_m
 
 def test_what_is_narrower_than_its_contours_are_told_apart_is_not_tracking():
     judge = LimbJudge(MODEL, StatusConfig())
-    reports = tuple(told(judge, evidence(), 3).values())
-    assert {each.status for each in reports} == {LimbStatus.TRACKING}
-    assert judge.too_thin(reports, 50.0) == reports  # forearms of 4 pixels
-    narrow = judge.too_thin(reports, 25.0)
-    assert statuses({each.name: each for each in narrow}) == dict.fromkeys(NAMES[1:2] + NAMES[3:4], LimbStatus.DEGRADED)
-    assert narrow[1].reason == "it is 1.8 pixels wide"
+    reports = told(judge, evidence(), 3)
+    assert {each.status for each in reports.values()} == {LimbStatus.TRACKING}
+    assert not statuses(told(judge, evidence(), px_per_m=50.0))  # forearms of 4 pixels
+    narrow = told(judge, evidence(), px_per_m=25.0)
+    assert statuses(narrow) == dict.fromkeys(NAMES[1:2] + NAMES[3:4], LimbStatus.DEGRADED)
+    assert narrow["left_forearm"].reason == "it is 1.8 pixels wide"

@@ -185,9 +185,13 @@ def _of_height(picture: np.ndarray, height: int) -> np.ndarray:
 
 def _box(configurations: Sequence[Configuration], camera: Camera) -> tuple[slice, slice]:
     """The part of a camera's images that the body is in, in all ``configurations``, with a margin."""
-    places = [shape_places(body, bounding_spheres(body.model)).reshape(-1, PLACES, 3) for body in configurations]
-    both_ways = [np.concatenate([each, 2.0 * each[:, :1] - each[:, 1:]], axis=1).reshape(-1, 3) for each in places]
-    points = np.concatenate([np.zeros((0, 3)), *(body.landmarks_world for body in configurations), *both_ways])
+    if not configurations:
+        return slice(None), slice(None)
+    bounds = bounding_spheres(configurations[0].model)
+    places = np.concatenate([shape_places(body, bounds).reshape(-1, PLACES, 3) for body in configurations])
+    mirrored = 2.0 * places[:, :1] - places  # shapes reach as far the other way
+    landmarks = [body.landmarks_world for body in configurations]
+    points = np.concatenate([*landmarks, places.reshape(-1, 3), mirrored.reshape(-1, 3)])
     pixels, valid = camera.project(points)
     pixels = pixels[valid & camera.model.in_image(pixels)]
     if len(pixels) < 2:

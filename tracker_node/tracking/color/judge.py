@@ -173,6 +173,7 @@ class ColorJudge(Judge):
         limbs: ColorLimbs | None = None,
     ):  # fmt: skip
         self._rig, self._model, self._config, self._modality, self.limbs = rig, model, config, modality, limbs
+        self._known_m = known_m(model)
         self._reports: tuple[LimbReport, ...] = ()
 
     def assess(self, fit: Fit, image_set: ImageSet) -> Assessment:
@@ -186,7 +187,7 @@ class ColorJudge(Judge):
         if found.status is Status.TRACKING and fit.modes is not None:
             size = thing_size(self._model)
             sigma_m = point_sigma(self._model, size, fit.state, self._covariance(fit, agreement)[0], by_texture=True)
-            if sigma_m > known_m(self._model):
+            if sigma_m > self._known_m:
                 found = replace(found, status=Status.DEGRADED, reason=f"{found.limbs[0].name} is known to {1e3 * sigma_m:.0f} mm")
         return found
 

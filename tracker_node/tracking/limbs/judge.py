@@ -223,6 +223,7 @@ class LimbJudge:
     def update(
         self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None,
         helped: bool = False, common: np.ndarray | None = None, own_surfaces: bool = False, depth_m: float = 0.0,
+        px_per_m: float = math.inf,
     ) -> tuple[LimbReport, ...]:  # fmt: skip
         """Take in an image set.
 
@@ -236,6 +237,7 @@ class LimbJudge:
         common : (n_limbs,) mask of those whose colors are all around: little tells them from what is behind; None: of none.
         own_surfaces : the shapes are those that are seen: outlines count beside points as they do alone.
         depth_m : standard deviation of the depth of the whole body, beside ``covariance``.
+        px_per_m : pixels of a meter at the body: outlines alone do not tell narrow limbs from others.
 
         Returns
         -------
@@ -248,14 +250,17 @@ class LimbJudge:
         if self._levels is None:
             self._levels = self._first_levels(measures)
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
+        widths_px = np.full(len(self.limbs), np.inf)
         if others is None:
-            others = np.full(len(self.limbs), np.nan)
+            others, widths_px = np.full(len(self.limbs), np.nan), px_per_m * self._widths_m
             others[0] = self._trunk_by_limbs(measures)
         beside = self._config.evidence_limit if own_surfaces else _BESIDE
         empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
         each = zip(measures, sigmas.tolist(), others.tolist(), told, strict=True)
-        return tuple(self._at_depth(self._limb(i, *of_limb, beside), depth_m) for i, of_limb in enumerate(each))
+        reports = [self._limb(i, *of_limb, beside) for i, of_limb in enumerate(each)]
+        doubts = (self._doubt(depth_m, width_px) for width_px in widths_px.tolist())
+        return tuple(map(_doubted, reports, doubts))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
         """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
@@ -349,11 +354,11 @@ class LimbJudge:
                 reason = f"its end may be elsewhere: known to {1e3 * sigma_m:.0f} mm" if by_itself else "the trunk is"
         return LimbReport(limb.name, status, reason, probability)
 
-    def _at_depth(self, report: LimbReport, depth_m: float) -> LimbReport:
-        """Of a limb of a body whose depth is known so well."""
-        if report.status is not LimbStatus.TRACKING or depth_m <= self._known_m:
-            return report
-        return replace(report, status=LimbStatus.DEGRADED, reason=f"its depth is known to {1e3 * depth_m:.0f} mm")
+    def _doubt(self, depth_m: float, width_px: float) -> str:
+        """Why a limb that is where its outline is may be elsewhere all the same; "" if there is no reason."""
+        if depth_m > self._known_m:
+            return f"its depth is known to {1e3 * depth_m:.0f} mm"
+        return f"it is {width_px:.1f} pixels wide" if width_px < _LEAST_WIDTH_PX else ""
 
     def _status(self, probability: float) -> LimbStatus:
         if probability >= self._config.limb_lost:
@@ -432,30 +437,11 @@ class LimbJudge:
 
     @cached_property
     def _widths_m(self) -> np.ndarray:
-        """(n_limbs,) meters, of the shape in the middle."""
+        """(n_limbs,) meters, of the shape in the middle; infinite where nothing is to be told from others."""
+        if len(self.limbs) == 1:
+            return np.array([np.inf])
         radii = np.array([rows[:, [START_RADIUS, END_RADIUS]].max(initial=0.0) for rows in self._model.capsules])
         return np.array([2.0 * np.median(radii[limb.shapes]) if limb.shapes.any() else np.inf for limb in self.limbs])
-
-    def too_thin(self, reports: Sequence[LimbReport], px_per_m: float) -> tuple[LimbReport, ...]:
-        """Reports of limbs that no points confirm, some of them too narrow in the images to be told from others.
-
-        Parameters
-        ----------
-        reports : one a limb.
-        px_per_m : pixels of a meter at the body.
-
-        Returns
-        -------
-        Those that were TRACKING, and are narrower than `_LEAST_WIDTH_PX`, are DEGRADED.
-        """
-        if len(self.limbs) == 1:
-            return tuple(reports)
-        return tuple(
-            replace(each, status=LimbStatus.DEGRADED, reason=f"it is {width:.1f} pixels wide")
-            if each.status is LimbStatus.TRACKING and width < _LEAST_WIDTH_PX
-            else each
-            for each, width in zip(reports, (px_per_m * self._widths_m).tolist(), strict=True)
-        )
 
     def part_weights(self, reports: Sequence[LimbReport]) -> np.ndarray:
         """(n_shapes,) 1 for the parts of limbs that are TRACKING, 0 for others."""
@@ -478,6 +464,13 @@ class LimbJudge:
             if guessed:
                 result[limb.dofs] = np.minimum(result[limb.dofs], _OF_GUESSES)
         return result
+
+
+def _doubted(report: LimbReport, reason: str) -> LimbReport:
+    """DEGRADED for a reason, if there is one, and it is TRACKING."""
+    if not reason or report.status is not LimbStatus.TRACKING:
+        return report
+    return replace(report, status=LimbStatus.DEGRADED, reason=reason)
 
 
 def _beyond(distance: float, sigma: float) -> float:

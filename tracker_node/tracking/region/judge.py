@@ -93,9 +93,8 @@ class RegionJudge(Judge):
         about_one = covariance if images.modes is None else covariance - images.modes @ images.modes.T
         common = np.array([p > _ASKED and self._is_common(limb.shapes) for limb, p in self.limbs.by_probability])
         own = self._fitting.region.surfaces_are_own
-        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common, own, depth_m)
-        if by_points is None:
-            reports = self.limbs.too_thin(reports, self._fitting.region.size(fit.state)[1])
+        _, px_per_m = self._fitting.region.size(fit.state)
+        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common, own, depth_m, px_per_m)
         status, reason = body_status(reports)
         doubt, doubt_rad = self.limbs.doubt(evidence, fit.state, covariance), 0.0
         if len(reports) == 1 and (doubt or status is not Status.TRACKING):  # a camera without an image is no doubt
