@@ -1,6 +1,6 @@
 """What evidence makes of the probability that a limb is lost."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -523,3 +523,23 @@ def test_what_is_narrower_than_its_contours_are_told_apart_is_not_tracking():
     narrow = told(judge, evidence(), px_per_m=25.0)
     assert statuses(narrow) == dict.fromkeys(NAMES[1:2] + NAMES[3:4], LimbStatus.DEGRADED)
     assert narrow["left_forearm"].reason == "it is 1.8 pixels wide"
+
+
+def test_a_limb_of_which_one_camera_alone_sees_enough_is_degraded_unless_points_or_joints_are_told():
+    judge, seen = LimbJudge(MODEL, StatusConfig()), evidence()
+    forearm = judge_limb("left_forearm").shapes
+    seen.expected[1:, forearm] *= 0.2
+    seen.close[1:, forearm] *= 0.2
+    for _ in range(3):
+        reports = told(judge, seen)
+        assert statuses(reports) == {"left_forearm": LimbStatus.DEGRADED}
+        assert reports["left_forearm"].reason == "one camera alone sees its outline"
+    assert not statuses(told(judge, seen, told_joints=True))
+    assert not statuses(told(judge, seen, others=np.full(len(NAMES), -6.0)))
+    seen.expected[1, forearm] *= 2.0
+    assert not statuses(told(judge, seen))
+
+
+def test_of_a_body_before_one_camera_nothing_is_tracking():
+    one = PartEvidence(*(getattr(evidence(), field.name)[:1] for field in fields(PartEvidence)))
+    assert statuses(told(LimbJudge(MODEL, StatusConfig()), one)) == dict.fromkeys(NAMES, LimbStatus.DEGRADED)

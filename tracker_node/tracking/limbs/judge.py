@@ -45,6 +45,8 @@ _OF_GUESSES = 0.1  # weight of what images say of a limb that they seem to know 
 _SURE = 0.003  # probability of lost, of a limb that need not be looked for elsewhere...
 _CLEAR = 0.75  # ...nor one of whose outline so much is found, where it is in place
 _START = 0.3  # probability of lost that a limb starts with
+_SECOND_VIEW = 0.3  # of its samples in the camera that sees most of a limb, which another one has where its depth is known...
+_LEAST_IN_SECOND = 5  # ...and at least so many
 _LEAST_WIDTH_PX = 2.5  # of a limb that outlines tell from others; of narrower ones of a drawn figure 3 % were wrong and TRACKING
 
 MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
@@ -223,7 +225,7 @@ class LimbJudge:
     def update(
         self, evidence: PartEvidence, state: State, covariance: np.ndarray | None = None, others: np.ndarray | None = None,
         helped: bool = False, common: np.ndarray | None = None, own_surfaces: bool = False, depth_m: float = 0.0,
-        px_per_m: float = math.inf,
+        px_per_m: float = math.inf, told_joints: bool = False,
     ) -> tuple[LimbReport, ...]:  # fmt: skip
         """Take in an image set.
 
@@ -238,6 +240,7 @@ class LimbJudge:
         own_surfaces : the shapes are those that are seen: outlines count beside points as they do alone.
         depth_m : standard deviation of the depth of the whole body, beside ``covariance``.
         px_per_m : pixels of a meter at the body: outlines alone do not tell narrow limbs from others.
+        told_joints : the body has said where its joints are: depth is known.
 
         Returns
         -------
@@ -250,16 +253,18 @@ class LimbJudge:
         if self._levels is None:
             self._levels = self._first_levels(measures)
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
-        widths_px = np.full(len(self.limbs), np.inf)
+        doubts = [self._deep(depth_m)] * len(self.limbs)
         if others is None:
-            others, widths_px = np.full(len(self.limbs), np.nan), px_per_m * self._widths_m
+            flat = np.zeros(len(self.limbs), dtype=np.bool_) if told_joints else self._seen_by_one(evidence)
+            by_outlines = map(_doubt, (px_per_m * self._widths_m).tolist(), flat.tolist())
+            doubts = [deep or doubt for deep, doubt in zip(doubts, by_outlines, strict=True)]
+            others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
         beside = self._config.evidence_limit if own_surfaces else _BESIDE
         empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
         each = zip(measures, sigmas.tolist(), others.tolist(), told, strict=True)
         reports = [self._limb(i, *of_limb, beside) for i, of_limb in enumerate(each)]
-        doubts = (self._doubt(depth_m, width_px) for width_px in widths_px.tolist())
         return tuple(map(_doubted, reports, doubts))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
@@ -354,11 +359,21 @@ class LimbJudge:
                 reason = f"its end may be elsewhere: known to {1e3 * sigma_m:.0f} mm" if by_itself else "the trunk is"
         return LimbReport(limb.name, status, reason, probability)
 
-    def _doubt(self, depth_m: float, width_px: float) -> str:
-        """Why a limb that is where its outline is may be elsewhere all the same; "" if there is no reason."""
-        if depth_m > self._known_m:
-            return f"its depth is known to {1e3 * depth_m:.0f} mm"
-        return f"it is {width_px:.1f} pixels wide" if width_px < _LEAST_WIDTH_PX else ""
+    def _deep(self, depth_m: float) -> str:
+        """Why limbs that are where their outlines are may be elsewhere along the rays; "" if there is no reason."""
+        return f"its depth is known to {1e3 * depth_m:.0f} mm" if depth_m > self._known_m else ""
+
+    def _seen_by_one(self, evidence: PartEvidence) -> np.ndarray:
+        """(n_limbs,) mask of limbs of which one camera alone sees enough: bent towards it, they look as bent away from it.
+
+        The trunk is where the whole body is.
+        """
+        if len(self.limbs) == 1:  # the poses of things that look alike are found one by one
+            return np.zeros(1, dtype=np.bool_)
+        samples = self._masks @ evidence.expected.T
+        samples[0] = evidence.expected.sum(axis=1)
+        samples = np.sort(np.hstack([np.zeros((len(samples), 1)), samples]), axis=1)
+        return samples[:, -2] < np.maximum(_LEAST_IN_SECOND, _SECOND_VIEW * samples[:, -1])
 
     def _status(self, probability: float) -> LimbStatus:
         if probability >= self._config.limb_lost:
@@ -436,6 +451,11 @@ class LimbJudge:
         return np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
 
     @cached_property
+    def _masks(self) -> np.ndarray:
+        """(n_limbs, n_shapes) 1 for the shapes of each limb."""
+        return np.array([limb.shapes for limb in self.limbs], dtype=np.float64)
+
+    @cached_property
     def _widths_m(self) -> np.ndarray:
         """(n_limbs,) meters, of the shape in the middle; infinite where nothing is to be told from others."""
         if len(self.limbs) == 1:
@@ -464,6 +484,13 @@ class LimbJudge:
             if guessed:
                 result[limb.dofs] = np.minimum(result[limb.dofs], _OF_GUESSES)
         return result
+
+
+def _doubt(width_px: float, seen_by_one: bool) -> str:
+    """Why a limb that is where its outline is may be elsewhere all the same; "" if there is no reason."""
+    if width_px < _LEAST_WIDTH_PX:
+        return f"it is {width_px:.1f} pixels wide"
+    return "one camera alone sees its outline" if seen_by_one else ""
 
 
 def _doubted(report: LimbReport, reason: str) -> LimbReport:

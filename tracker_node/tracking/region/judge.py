@@ -94,7 +94,10 @@ class RegionJudge(Judge):
         common = np.array([p > _ASKED and self._is_common(limb.shapes) for limb, p in self.limbs.by_probability])
         own = self._fitting.region.surfaces_are_own
         _, px_per_m = self._fitting.region.size(fit.state)
-        reports = self.limbs.update(evidence, fit.state, about_one, by_points, helped, common, own, depth_m, px_per_m)
+        told_joints = bool(image_set.joint_positions)
+        reports = self.limbs.update(
+            evidence, fit.state, about_one, by_points, helped, common, own, depth_m, px_per_m, told_joints
+        )
         status, reason = body_status(reports)
         doubt, doubt_rad = self.limbs.doubt(evidence, fit.state, covariance), 0.0
         if len(reports) == 1 and (doubt or status is not Status.TRACKING):  # a camera without an image is no doubt
