@@ -75,6 +75,19 @@ def test_left_and_right_that_were_exchanged_are_exchanged_back():
     assert found[1] is people[1]
 
 
+def test_a_body_that_all_cameras_show_exchanged_is_turned_itself():
+    upright, chooser = standing(0.1, -0.1, 0.6), choice()
+    people, turned = seen_by(RIG, upright), standing(0.1, -0.1, 0.6 + np.pi)
+    lists = [(person,) for person in people]
+    ways = [[own is person for own, person in zip(chooser.choose(lists, turned), people, strict=True)] for _ in range(8)]
+    assert not any(map(any, ways[:5]))
+    found = chooser.choose(lists, turned)
+    for person, expected in zip(found, people, strict=True):
+        np.testing.assert_array_equal(person.pixels, expected.pixels)
+    again = chooser.choose([(swapped(people[0]),), *lists[1:]], upright)
+    np.testing.assert_array_equal(again[0].pixels, people[0].pixels)  # one camera's left and right, as ever
+
+
 def test_covariances_are_exchanged_with_their_points():
     person = true_people()[0]
     own = np.arange(1.0, len(NAMES) + 1.0)[:, None, None] * np.eye(2)

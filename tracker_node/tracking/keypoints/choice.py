@@ -23,6 +23,7 @@ _SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from 
 # detector being right, which swaps of up to sixty images outweigh
 _SURE_JUMP, _RIGHT = 30.0, 0.5
 _ALONE_SETS = 5  # after which nothing is left of what several cameras said of swaps
+_TURNED_SETS = 4  # in a row in which more than two thirds of several cameras show a body exchanged: it is the body that is turned
 # Left and right of single joints: standard deviation of points of a person around where they are expected; from how many of them
 # costs grow linearly; log-likelihood ratio from which a joint is exchanged, as one in fifty images has it
 _PAIR_M, _PAIR_FAR, _PAIR_LEAST = 0.05, 3.0, 4.0
@@ -51,7 +52,7 @@ class PersonChoice(Choice):
     def restart(self) -> None:
         """The body begins anew, and left and right of nobody are known."""
         self._denies: bool | None = None  # whether people were seen but not the body, when a detector has looked last
-        self._denied, self._counted_ns, self._alone_sets = 0, -1, 0
+        self._denied, self._counted_ns, self._alone_sets, self._turned_sets = 0, -1, 0, 0
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
         self._before: list[np.ndarray | None] = [None] * len(self._rig)  # pixels of the body's points in the image before
 
@@ -73,7 +74,17 @@ class PersonChoice(Choice):
         elif all(looked):
             self._alone_sets += 1
         self._denies = any(people) and not any(chosen)
-        return self._with_pairs(chosen, places)
+        return self._with_pairs(self._as_found(chosen), places)
+
+    def _as_found(self, chosen: list[Person | None]) -> list[Person | None]:
+        """As they were found, if nearly all cameras have shown a body exchanged: a detector does not err so, a pose may."""
+        ways = [self._swaps[i] > 0.0 for i, person in enumerate(chosen) if person is not None]
+        self._turned_sets = self._turned_sets + 1 if len(ways) > 1 and 3 * sum(ways) > 2 * len(ways) else 0
+        if self._turned_sets <= _TURNED_SETS:
+            return chosen
+        return [
+            mirrored(person) if person is not None and self._swaps[i] > 0.0 else person for i, person in enumerate(chosen)
+        ]
 
     def denied_sets(self, stamp_ns: int) -> int:
         """Image sets in a row until now in which somebody was seen, and nobody was the body."""
