@@ -17,6 +17,7 @@ from ..estimate import CameraFault, Status
 from ..modality import Images
 from .blinded import BlindedCameras
 from .bumped import BumpedCameras
+from .delayed import DelayedCameras
 from .frozen import FrozenCameras
 from .self_check import SelfCheck, SelfCheckOptions
 
@@ -41,7 +42,7 @@ class CameraTrust:
         self._rig, self._enabled = rig, options.enabled
         self._contradicted = SelfCheck(rig, model, SelfCheckOptions(options.window_s, angle_rad, delay_s, options.sigmas))
         self._frozen, self._blinded = FrozenCameras(rig, model), BlindedCameras(rig.names)
-        self._bumped = BumpedCameras(rig, model, angle_rad)
+        self._bumped, self._delayed = BumpedCameras(rig, model, angle_rad), DelayedCameras(rig, model)
         self.reset()
 
     def reset(self) -> None:
@@ -50,6 +51,7 @@ class CameraTrust:
         self._frozen.reset()
         self._blinded.reset()
         self._bumped.reset()
+        self._delayed.reset()
         self.left_out: list[str] = []
         self._shown: tuple[int, Images] | None = None
 
@@ -59,10 +61,12 @@ class CameraTrust:
 
     @property
     def faults(self) -> tuple[CameraFault, ...]:
-        """Of cameras that repeat an image, show the body no longer, were bumped, or that the others contradict."""
-        seen = self._blinded.faults + self._bumped.faults
-        known = {fault.camera for fault in seen}
-        return self._frozen.faults + seen + tuple(fault for fault in self._contradicted.faults if fault.camera not in known)
+        """Of cameras that repeat an image, show the body no longer, were bumped, run late, or that the others contradict."""
+        found = self._frozen.faults + self._blinded.faults + self._bumped.faults
+        for others in (self._delayed.faults, self._contradicted.faults):  # what is less direct adds nothing to a camera's
+            known = {fault.camera for fault in found}
+            found += tuple(fault for fault in others if fault.camera not in known)
+        return found
 
     def trusted(self, image_set: ImageSet, state: State | None, lost: bool) -> ImageSet:
         """The set without the images that are not to be used.
@@ -76,17 +80,18 @@ class CameraTrust:
         Returns
         -------
         Without images that were there before while the body has moved on, those that do not show it, and of cameras that are
-        turned too far; those of others that were bumped are turned back.
+        turned too far, or late; those of others that were bumped are turned back.
         """
         if not self._enabled:
             return image_set
         images = [image_set.get(camera.name) for camera in self._rig]
         shown = [None if image is None else image.pixels for image in images]
         self._shown = image_set.stamp_ns, shown
+        self._delayed.look(image_set)
         over = set(self._frozen.look(image_set.stamp_ns, shown, state))
         if state is not None and not lost:
             over.update(self._blinded.left_out)
-        without = over.union(self._bumped.far_off)
+        without = over.union(self._bumped.far_off, self._delayed.far_off)
         if sum(image is not None and i not in without for i, image in enumerate(images)) >= _REMAIN:
             over = without
         self.left_out = [self._rig.names[i] for i in sorted(over)]
