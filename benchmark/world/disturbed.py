@@ -4,9 +4,9 @@
 ``light_step``: from a set on all cameras are darker, x0.6. ``flicker``: in every set all are brighter or darker by up to half.
 ``one_dark``: one camera is, x0.5. ``calm``: nothing happens. Of one camera: ``frozen``, it repeats its image for ten sets;
 ``bumped``, it is turned by half a degree; ``defocused``, blurred by a hundredth of its width; ``covered``, a hand is before the
-lens; ``noisy``, a third of its pixels show anything; ``upside_down``, ever since the tracker was started. Each else begins
-when the body has been followed for twenty sets; seeds say at which part of the clip, and which camera. From the true pose, no
-backgrounds; the person as `track` follows people, by contours and points, and again by contours alone, in keys of their own
+lens; ``noisy``, a third of its pixels show anything; ``delayed``, its images are ten sets old, which points of people tell;
+``upside_down``, ever since the tracker was started. Each else begins when the body has been followed for twenty sets; seeds say
+at which part of the clip, and which camera. From the true pose, no backgrounds; the person as `track` follows people, by contours and points, and again by contours alone, in keys of their own
 (``<clip>_contours``). A set is lost that is called LOST, or has a joint more than 200 mm off (the box: its middle more than
 20 mm); one is turned whose heading is more than 90 degrees off; ``named``: sets until the camera is named, ``others``: cameras
 that are named and should not be; ``settled_mm``: the largest mean error from ten sets after a bump on.
@@ -43,15 +43,15 @@ from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.tracker import Tracker
 
 BEFORE, DISTURBED, LONG = 20, 20, 60  # image sets
-FROZEN_SETS = 10
+FROZEN_SETS = LATE_SETS = 10
 DRAWN = Path("out/clothed")
 LOST_JOINT_MM, LOST_BOX_MM, TURNED_COS = 200.0, 20.0, 0.0
 
 
 BUMPED_DEG, HAND_SHARE, RAIN_SHARE, SENSOR_NOISE = 0.5, 0.8, 0.3, 3.0
-TROUBLES = ("frozen", "bumped", "defocused", "covered", "noisy", "upside_down")
+TROUBLES = ("frozen", "bumped", "defocused", "covered", "noisy", "delayed", "upside_down")
 """What happens to one camera, which is to be named."""
-NAMED_LATE = ("bumped", "covered")  # by what agrees less for long; by a detector, after a second
+NAMED_LATE = ("bumped", "covered", "delayed")  # by what agrees less for long; by a detector, after a second
 SETTLED_SETS = 10  # after the change, from which on a camera that was bumped is known
 ALONE = "_contours"
 
@@ -138,6 +138,7 @@ def changes(scene: Scene, seed: int) -> dict[str, Change]:
         "defocused": one(lambda k, image: defocused(image, k, seed)),
         "covered": one(lambda k, image: handed(image, k, seed)),
         "noisy": one(lambda k, image: noisy(image, k, seed)),
+        "delayed": one(lambda k, image: replace(image, pixels=scene.sets[BEFORE + k - LATE_SETS].images[camera].pixels)),
         "upside_down": one(lambda k, image: replace(image, pixels=np.ascontiguousarray(image.pixels[::-1, ::-1]))),
         "calm": lambda k, i, image: image,
         "light_step": lambda k, i, image: lit(image, 0.6),
@@ -225,6 +226,8 @@ def main(arguments: list[str] | None = None) -> int:
             for scene in scenes:
                 config = configured(args.changes, modalities=scene.modalities)
                 for name in (name for name in DISTURBANCES if name in (args.only or DISTURBANCES)):
+                    if name == "delayed" and KEYPOINTS not in scene.modalities:
+                        continue
                     add(figures, scene, name, measured(scene, name, seed, config), seed)
     except TrackerError as error:
         print(f"disturbed: error: {error}", file=sys.stderr)
