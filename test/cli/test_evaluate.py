@@ -265,6 +265,25 @@ def test_coordinates_that_were_exported_are_truth(files, tmp_path):
     assert figures["run.joint_angle_deg"] == pytest.approx(0.0, abs=1e-4)
 
 
+@pytest.mark.parametrize("has_joints", [True, False])
+def test_an_export_whose_first_sets_were_lost_is_the_same_run(files, tmp_path, capsys, has_joints):
+    tracked, model = motion(N), ["--model", str(files / "model.yaml")]
+    late = str(write_run(tmp_path / "late", tracked, ["LOST"] * 3 + ["TRACKING"] * (N - 3)))
+    if not has_joints:
+        table = ["header", "inDegrees=no", "endheader", "time\tleft_elbow_x"]
+        column = 6 + tracked.model.chain.dof_names[6:].index("left_elbow_x")
+        rows = [(stamp * 1e-9, state.to_values()[column]) for stamp, state in zip(tracked.stamps_ns, tracked.states, strict=True)]
+        (tmp_path / "late.mot").write_text("\n".join([*table, *(f"{time_s:.9f}\t{angle:.9f}" for time_s, angle in rows[3:])]))
+    else:
+        assert main(["export", late, *model, "--to", "mot", "--output", str(tmp_path / "late.mot")]) == 0
+    more = [*model, "--no-pdf", "--lag", "0", "--pictures", "0", "--output", str(tmp_path)]
+    assert main(["evaluate", late, "--truth", str(tmp_path / "late.mot"), *more]) == 0
+    assert figures_of(tmp_path)["run.dof_rms.left_elbow_x_deg"] == pytest.approx(0.0, abs=1e-4)
+    if has_joints:
+        assert figures_of(tmp_path)["run.mpjpe_mm"] == pytest.approx(0.0, abs=1e-3)
+        assert "by its own times, is put on image 3.0" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [

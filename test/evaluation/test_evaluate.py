@@ -131,6 +131,19 @@ def test_truth_on_another_clock(tmp_path, align, shift_s, is_trc):
     assert result.metrics()["x.mpjpe_mm"] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize(("align", "is_right"), [("auto", True), ("stamp", True), ("first", False)])
+def test_a_file_that_was_trimmed_keeps_its_times(tmp_path, align, is_right):
+    tracked = motion(40)
+    truth = truth_of(tracked)
+    trimmed = Trajectories(truth.names, truth.stamps_ns[10:], truth.positions_m[10:], truth.valid[10:])
+    run = load_run(write_run(tmp_path / "run", tracked))
+    result = evaluate(run, tracked.model, trimmed, EvaluationOptions("x", None, align), own_time=True)
+    assert (result.raw.mean_mm < 1e-6) == is_right
+    said = " ".join(result.time_doubts)
+    assert ("put on image 10.0" in said) == (align == "auto")
+    assert is_right or "at the end of the range" in said
+
+
 def test_a_run_that_begins_later_meets_its_own_rows(tmp_path):
     tracked = motion(30)
     later = Motion(tracked.model, tracked.stamps_ns[8:] + 10**12, tracked.states[8:])

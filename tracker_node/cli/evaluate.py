@@ -39,7 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--masks", metavar="FILE", help="reference masks (masks.json) to compare silhouettes with")
     add("--lag", default="auto", metavar="auto|IMAGES", help="constant lag of the images behind the truth (default: estimated)")
     add("--align", choices=("auto", "first", "stamp"), default="auto",
-        help="first: the truth's first row belongs to image 0 (for .trc); stamp: both count the same time")  # fmt: skip
+        help="first: the truth's first row belongs to image 0; stamp: its times are those of the run as they stand; auto: stamp"
+        " for .csv, for the others what fits best")  # fmt: skip
     add("--filter", metavar="auto|none|HZ",
         help="of joint angles and velocities: a Butterworth filter, its cutoff by residual analysis (default; none of smoothed"
         " states) or in Hz")  # fmt: skip

@@ -30,8 +30,9 @@ class EvaluationOptions:
     ----------
     name : prefix of the metrics' keys.
     lag_images : constant lag of the images behind the truth; None estimates it.
-    align : ``stamp``: run and truth have one clock; ``first``: the truth's first row belongs to the first
-        image set; ``auto``: ``stamp`` where both overlap in time and the truth is not a TRC, else ``first``.
+    align : ``stamp``: run and truth have one clock; ``first``: the truth's first row belongs to image 0; ``auto``: ``stamp``
+        where both overlap in time, else ``first``. Of TRC, C3D, MOT and STO it is whichever leaves the least error: ``first``,
+        ``stamp``, or the file's time 0 on image 0.
     image_sets : how many there should be; 0 takes what run and stamps say.
     cutoff_hz : of the filter of joint angles, or one of `motion.joint_motion.CUTOFFS`.
     """
@@ -98,6 +99,10 @@ class Evaluation:
     period_s: float
     lag_images: float
     lag_was_estimated: bool
+    truth_start_s: float  # of its first row, by its own times
+    shift_ns: int  # of the truth's own times, onto the clock of the run
+    image_0_ns: int  # by that clock
+    placements: int  # ways to match both clocks that errors chose among
     image_sets: int  # that there should be
     raw: ErrorSeries  # lag taken out
     no_lag_correction: ErrorSeries
@@ -126,12 +131,19 @@ class Evaluation:
         return self.image_sets - len(self.times_s)
 
     @property
-    def lag_doubts(self) -> list[str]:
-        """Why an estimated lag may be wrong, a sentence each."""
+    def time_doubts(self) -> list[str]:
+        """Why truth and run may be matched wrongly in time, a sentence each."""
+        doubts = []
+        if self.placements > 1:
+            image = (self.truth_start_s + (self.shift_ns - self.image_0_ns) * 1e-9) / self.period_s
+            doubts.append(
+                f"The truth's first row, {self.truth_start_s:.2f} s by its own times, is put on image {image:.1f}, where the"
+                " errors are smallest (--align)."
+            )
         if not self.lag_was_estimated:
-            return []
+            return doubts
         low, high = LAG_RANGE_IMAGES
-        doubts, judged = [], int(self.raw.valid.any(axis=1).sum())
+        judged = int(self.raw.valid.any(axis=1).sum())
         if not low < self.lag_images < high:
             doubts.append(
                 f"The estimated lag, {self.lag_images:+.2f} images, is at the end of the range that is searched:"
@@ -177,7 +189,7 @@ def evaluate(
     model : body of the run.
     truth : joints over time, of landmarks of the model or others.
     options : lag, alignment in time, and how many image sets there should be.
-    own_time : the truth's stamps count from its own first row.
+    own_time : the truth's stamps count from a start of its own.
 
     Returns
     -------
@@ -193,11 +205,15 @@ def evaluate(
         raise FileFormatError("truth", "names", expected, ", ".join(truth.names))
     period_ns = image_period_ns(run.stamps_ns if len(run) > 1 else truth.stamps_ns)
     image_0_ns = int(run.stamps_ns[0]) - round(options.first_image * period_ns)
-    truth = aligned(truth.select(joints), run.stamps_ns, image_0_ns, options.align, own_time)
     estimate, rotations, frames = _tracked_joints(run, model, joints)
-    lag = options.lag_images
-    if lag is None:
-        lag = estimate_lag(estimate, truth, period_ns, rotations)
+    start_ns = int(truth.stamps_ns[0])
+    tried = []
+    for placed in placements(truth.select(joints), run.stamps_ns, image_0_ns, options.align, own_time):
+        lag = options.lag_images
+        if lag is None:
+            lag = estimate_lag(estimate, placed, period_ns, rotations)
+        tried.append((_misfit(estimate, truth_at(placed, run.stamps_ns, lag, period_ns), rotations), lag, placed))
+    _, lag, truth = min(tried, key=lambda each: each[0])
     at_sets = truth_at(truth, run.stamps_ns, lag, period_ns)
     if not at_sets.valid.any():
         expected = f"times within those of the run, {_span(run.stamps_ns)}"
@@ -216,6 +232,10 @@ def evaluate(
         period_s=period_ns * 1e-9,
         lag_images=lag,
         lag_was_estimated=options.lag_images is None,
+        truth_start_s=start_ns * 1e-9,
+        shift_ns=int(truth.stamps_ns[0]) - start_ns,
+        image_0_ns=image_0_ns,
+        placements=len(tried),
         image_sets=expected_sets(run, period_ns, options.image_sets),
         raw=ErrorSeries(errors, valid),
         no_lag_correction=ErrorSeries(
@@ -241,8 +261,10 @@ def evaluate(
     )
 
 
-def aligned(truth: OnOneClock, stamps_ns: np.ndarray, image_0_ns: int, align: str, own_time: bool) -> OnOneClock:
-    """Truth on the clock of the run's stamps (see `EvaluationOptions`).
+def placements(truth: OnOneClock, stamps_ns: np.ndarray, image_0_ns: int, align: str, own_time: bool) -> list[OnOneClock]:
+    """Truth on the clock of the run's stamps, in each way that `EvaluationOptions` leave open.
+
+    One that covers less than half of the sets that ``first`` covers is not among them: few sets fit anywhere.
 
     Parameters
     ----------
@@ -250,18 +272,32 @@ def aligned(truth: OnOneClock, stamps_ns: np.ndarray, image_0_ns: int, align: st
     stamps_ns : (n,) of the run.
     image_0_ns : stamp of image 0 of the run.
     align : one of `ALIGNMENTS`.
-    own_time : the truth's stamps count from its own first row.
+    own_time : the truth's stamps count from a start of its own.
 
     Returns
     -------
-    The same kind of truth, shifted or as it is.
+    One or more, shifted or as it is.
     """
     if align not in ALIGNMENTS:
         raise ValueError(f"expected an alignment of {ALIGNMENTS}, got {align!r}")
-    overlap = truth.stamps_ns[0] <= stamps_ns[-1] and truth.stamps_ns[-1] >= stamps_ns[0]
-    if align == "stamp" or (align == "auto" and overlap and not own_time):
-        return truth
-    return truth.shifted(image_0_ns - int(truth.stamps_ns[0]))
+    start_ns, end_ns = int(truth.stamps_ns[0]), int(truth.stamps_ns[-1])
+    first = image_0_ns - start_ns
+    if align != "auto" or not own_time:
+        overlap = start_ns <= stamps_ns[-1] and end_ns >= stamps_ns[0]
+        return [truth.shifted(0 if align == "stamp" or (align == "auto" and overlap) else first)]
+
+    def covered(shift_ns: int) -> int:
+        return int(((stamps_ns >= start_ns + shift_ns) & (stamps_ns <= end_ns + shift_ns)).sum())
+
+    others = [shift for shift in dict.fromkeys((image_0_ns, 0)) if shift != first and covered(shift) > 0.5 * covered(first)]
+    return [truth.shifted(shift) for shift in (first, *others)]
+
+
+def _misfit(estimate: Trajectories, truth: Trajectories, rotations: np.ndarray) -> float:
+    """Mean error without constant offsets, of which the lag is told, too; infinite where nothing is in common."""
+    both = estimate.valid & truth.valid
+    errors, _ = metrics.offset_free_errors(estimate.positions_m - truth.positions_m, both, rotations)
+    return metrics.mean_error(errors, both) if both.any() else float("inf")
 
 
 def expected_sets(run: RunData, period_ns: float, stated: int = 0) -> int:

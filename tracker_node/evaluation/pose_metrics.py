@@ -246,6 +246,12 @@ class StateErrors:
         errors = self.errors[:, k]
         return spread_of(errors, self.valid[:, k]), spread_of(errors - self.offset(k), self.valid[:, k])
 
+    @property
+    def misfit(self) -> float:
+        """Mean over the variables of what is left without constant offsets; infinite where nothing is in common."""
+        left = [self.spreads(k)[1].rms for k in range(len(self.names)) if self.valid[:, k].any()]
+        return float(np.mean(left)) if left else float("inf")
+
 
 @dataclass(frozen=True, eq=False)
 class SegmentErrors:

@@ -18,7 +18,7 @@ from ..runs.writer import SMOOTHED
 from ..tracking.estimate import Status
 from . import pose_metrics
 from .consistency import NeesSeries, landmark_nees, state_nees
-from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, aligned, evaluate, expected_sets
+from .evaluate import Evaluation, EvaluationOptions, SilhouetteScores, evaluate, expected_sets, placements
 from .masks.silhouettes import Picture
 from .metrics import Spread, intervals, reacquisition_times, spread_of, times_with_gaps
 from .motion.gait import Gait, find_gait, foot_contacts
@@ -315,15 +315,18 @@ def review(
     if joints is None and truth.states is not None:
         joints = truth.states.joints(model)
         joints = joints if joints.valid.any() else None
-    evaluation = None if joints is None else evaluate(run, model, joints, options, truth.joints_own_time)
+    own_time = truth.joints_own_time if truth.joints is not None else truth.states_own_time
+    evaluation = None if joints is None else evaluate(run, model, joints, options, own_time)
     if evaluation is not None:
         found = replace(found, joints=evaluation, directions=segment_directions(evaluation), period_s=evaluation.period_s)
-        found = replace(found, problems=evaluation.lag_doubts)
+        found = replace(found, problems=evaluation.time_doubts)
         raw, free = (landmark_nees(run, model, evaluation, offset_free) for offset_free in (False, True))
         found = replace(found, landmark_nees=raw, landmark_nees_free=free)
     if truth.states is not None:
         lag = evaluation.lag_images if evaluation is not None else options.lag_images or 0.0
-        found = replace(found, **_against_states(run, model, _at_sets(truth, run, options, lag, period_ns)))
+        shift_ns = evaluation.shift_ns if evaluation is not None and truth.joints is None else None
+        at_sets = _at_sets(truth, run, model, options, lag, period_ns, shift_ns)
+        found = replace(found, **_against_states(run, model, at_sets))
     return found
 
 
@@ -349,12 +352,25 @@ def segment_directions(e: Evaluation) -> SegmentDirections | None:
     return SegmentDirections(bones, e.raw.valid[:, a] & e.raw.valid[:, b], *found)
 
 
-def _at_sets(truth: Truth, run: RunData, options: EvaluationOptions, lag: float, period_ns: float) -> TrueStates:
-    """True states at the run's stamps, matched in time as joints are."""
+def _at_sets(
+    truth: Truth,
+    run: RunData,
+    model: ArticulatedModel,
+    options: EvaluationOptions,
+    lag: float,
+    period_ns: float,
+    shift_ns: int | None,
+) -> TrueStates:
+    """True states at the run's stamps, matched in time as their joints are, by ``shift_ns``, or else of themselves."""
     assert truth.states is not None
+    if shift_ns is not None:
+        return truth.states.shifted(shift_ns).at(run.stamps_ns, lag * period_ns)
     image_0_ns = int(run.stamps_ns[0]) - round(options.first_image * period_ns)
-    moved = aligned(truth.states, run.stamps_ns, image_0_ns, options.align, truth.states_own_time)
-    return moved.at(run.stamps_ns, lag * period_ns)
+    placed = placements(truth.states, run.stamps_ns, image_0_ns, options.align, truth.states_own_time)
+    at_sets = [each.at(run.stamps_ns, lag * period_ns) for each in placed]
+    if len(at_sets) == 1:
+        return at_sets[0]
+    return min(at_sets, key=lambda each: state_errors(run, model, each).misfit)
 
 
 def _against_states(run: RunData, model: ArticulatedModel, truth: TrueStates) -> dict:

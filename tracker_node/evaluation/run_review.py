@@ -90,6 +90,8 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     sources = {"run": files.run, "truth": truth, "model": model_path, "rig": rig_path or "not given"}
     options = replace(files.options, first_image=first_image)
     found = review(tracked, model, truth_of(files.truth, files.y_up, model), options, sources)
+    for doubt in found.problems:
+        tell(f"{files.options.name}: {doubt}")
     shown = ReviewOptions(files.pictures, first_image=first_image)
     seen = model if files.model is not None else body_of_run(Path(files.run), model)
     rig = None

@@ -51,7 +51,7 @@ def test_angles_are_in_radians_and_places_in_metres(tmp_path, degrees, factor):
     )
     names, stamps, values, valid = load_coordinates(path, MODEL, y_up=False)
     assert names == ("z", "left_knee_flexion")
-    assert stamps.tolist() == [0, 100_000_000]
+    assert stamps.tolist() == [2_000_000_000, 2_100_000_000]
     np.testing.assert_allclose(values, [[1.5, 30.0 * factor], [1.6, 40.0 * factor]])
     assert valid.all()
 

@@ -18,7 +18,7 @@ def test_trc_with_the_names_of_openpose(tmp_path):
     dump_trc(MarkerTrajectories(("RShoulder", "Neck"), times, positions, 60.0, valid), tmp_path / "a.trc", y_up=True)
     truth = load_truth(tmp_path / "a.trc")
     assert truth.names == ("right_shoulder", "neck")
-    assert truth.stamps_ns.tolist() == [0, 16_666_667, 33_333_333, 50_000_000]
+    assert truth.stamps_ns.tolist() == [500_000_000, 516_666_667, 533_333_333, 550_000_000]
     assert truth.positions_m == pytest.approx(positions)
     assert truth.valid.tolist() == valid.tolist()
 

@@ -21,7 +21,7 @@ from tracker_node.loaders.images.stamps import (
     load_stamp_file,
     period_ns,
     presentation_times,
-    stamps_from_first_ns,
+    stamps_of_times_ns,
 )
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, write_rig_file
 
@@ -199,18 +199,21 @@ def test_the_second_field_is_half_a_period_later():
     assert field_times([5]) == (5, 5)
 
 
-def test_nanoseconds_since_the_first_of_times():
-    assert stamps_from_first_ns("a.csv", np.array([10.0, 10.5, 12.25])).tolist() == [0, 500_000_000, 2_250_000_000]
-    assert stamps_from_first_ns("a.csv", np.array([0.0, 1e-9, 3e-9])).tolist() == [0, 1, 3]
-    assert stamps_from_first_ns("a.csv", np.array([3.0])).dtype == np.int64
+def test_nanoseconds_of_times():
+    assert stamps_of_times_ns("a.csv", np.array([10.0, 10.5, 12.25])).tolist() == [10_000_000_000, 10_500_000_000, 12_250_000_000]
+    assert stamps_of_times_ns("a.csv", np.array([0.0, 1e-9, 3e-9])).tolist() == [0, 1, 3]
+    assert stamps_of_times_ns("a.csv", np.array([3.0])).dtype == np.int64
     with pytest.raises(FileFormatError, match=r"a.csv: field 'times': expected times a nanosecond apart at least, got 'closer"):
-        stamps_from_first_ns("a.csv", np.array([0.0, 1.0, 1.0]))
+        stamps_of_times_ns("a.csv", np.array([0.0, 1.0, 1.0]))
     with pytest.raises(FileFormatError, match=r"a nanosecond apart"):
-        stamps_from_first_ns("a.csv", np.array([0.0, 1.0, 0.5]))
+        stamps_of_times_ns("a.csv", np.array([0.0, 1.0, 0.5]))
     for last in (3.2e9, np.nan):
         with pytest.raises(FileFormatError, match=r"field 'times': expected a span of less than 3200000000 s"):
-            stamps_from_first_ns("a.csv", np.array([0.0, last]))
-    assert stamps_from_first_ns("a.csv", np.array([0.0, 3.1e9])).tolist() == [0, 3_100_000_000_000_000_000]
+            stamps_of_times_ns("a.csv", np.array([0.0, last]))
+    for first in (-3.2e9, 3.2e9):
+        with pytest.raises(FileFormatError, match=r"expected a first one within 3200000000 s of 0"):
+            stamps_of_times_ns("a.csv", np.array([first, first + 1.0]))
+    assert stamps_of_times_ns("a.csv", np.array([0.0, 3.1e9])).tolist() == [0, 3_100_000_000_000_000_000]
 
 
 def load(tmp_path: Path, text: str, name: str = "cam_1") -> tuple[int, ...]:

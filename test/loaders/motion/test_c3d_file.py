@@ -1,5 +1,6 @@
 """C3D files, written through ezc3d and read back by it and by another reader."""
 
+import struct
 import warnings
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from tracker_node.loaders.motion.c3d_file import (
     MOST_FRAMES,
     AnglesOverTime,
     TimedEvent,
-    _actual_frames,
+    _actual_fields,
     dump_c3d,
     load_c3d,
 )
@@ -189,11 +190,20 @@ def trial(start, end):
 
 
 @pytest.mark.parametrize(
-    ("start", "end", "frames"),
+    ("start", "end", "both"),
     [
-        ([1, 0], [10, 0], 10), ([5, 0], [5, 0], 1), ([1, 0], [0, 1], 65536), ([3, 2], [2, 3], 65536), ([1, 0], [-1, 0], 65535),
-        ([2, 0], [1, 0], 0), ([0, 0], [9, 0], 0), ([1], [9, 0], 0), ([1, 0], None, 0), (None, None, 0), ([[1, 0]], [[4, 0]], 4),
+        ([1, 0], [10, 0], (1, 10)), ([5, 0], [5, 0], (5, 5)), ([1, 0], [0, 1], (1, 65536)), ([3, 2], [2, 3], (131075, 196610)),
+        ([1, 0], [-1, 0], (1, 65535)), ([2, 0], [1, 0], (0, 0)), ([0, 0], [9, 0], (0, 0)), ([1], [9, 0], (0, 0)),
+        ([1, 0], None, (0, 0)), (None, None, (0, 0)), ([[1, 0]], [[4, 0]], (1, 4)),
     ],
 )  # fmt: skip
-def test_both_ends_are_counted(start, end, frames):
-    assert _actual_frames(trial(start, end)) == frames
+def test_both_ends_are_read(start, end, both):
+    assert _actual_fields(trial(start, end)) == both
+
+
+def test_times_of_a_trimmed_file_begin_at_its_first_frame(tmp_path):
+    dump_c3d(trajectories(n=20, rate_hz=50.0), tmp_path / "a.c3d")
+    content = bytearray((tmp_path / "a.c3d").read_bytes())
+    struct.pack_into("<2H", content, 6, 101, 120)  # numbers of the first and the last frame
+    (tmp_path / "a.c3d").write_bytes(content)
+    assert load_c3d(tmp_path / "a.c3d").times_s == pytest.approx(2.0 + np.arange(20) / 50.0)

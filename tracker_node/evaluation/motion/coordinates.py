@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from ...errors import FileFormatError, ModelError
 from ...geometry import so3
-from ...loaders.images.stamps import stamps_from_first_ns
+from ...loaders.images.stamps import stamps_of_times_ns
 from ...loaders.motion.bvh import AXES_Y_UP
 from ...loaders.motion.trc import load_table
 from ...model.articulated import ArticulatedModel
@@ -107,7 +107,7 @@ def opensim_coordinates(motion: RunMotion) -> Coordinates:
 def load_coordinates(
     path: str | Path, model: ArticulatedModel, y_up: bool = True
 ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
-    """Variables of poses from a ``.mot`` or ``.sto`` file, as far as it has them; stamps count from its first row.
+    """Variables of poses from a ``.mot`` or ``.sto`` file, as far as it has them.
 
     The file's columns may be those of `model_coordinates`, or those of OpenSim's models that are single axes of the human: hips,
     knees and elbows. Others are left out. Where rows are missing, an invalid one marks the gap.
@@ -142,7 +142,7 @@ def load_coordinates(
     found = {name: found[name] for name in units if name in found}
     columns, factors = [column for column, _ in found.values()], [factor for _, factor in found.values()]
     values, valid = table.values[:, columns] * factors, table.valid[:, columns]
-    stamps = stamps_from_first_ns(path, table.times_s)
+    stamps = stamps_of_times_ns(path, table.times_s)
     return tuple(found), *_with_gaps(stamps, values, valid)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import FileFormatError, TrackerError, repeated
 from ...geometry import se3, so3
 from ...loaders.csv_file import CsvTable
-from ...loaders.images.stamps import stamps_from_first_ns
+from ...loaders.images.stamps import stamps_of_times_ns
 from ...loaders.motion.c3d_file import load_c3d
 from ...loaders.motion.trajectory_file import (
     JOINT_COLUMNS,
@@ -256,12 +256,12 @@ def offset_links(model: ArticulatedModel, names: Sequence[str]) -> np.ndarray:
     return np.where(has_child[links] | (chain.parents[links] < 0), links, chain.parents[links])
 
 
-OWN_TIME = (".trc", ".c3d", ".mot", ".sto")  # suffixes of files whose stamps count from their first row
+OWN_TIME = (".trc", ".c3d", ".mot", ".sto")  # suffixes of files whose times are seconds from a start of their own
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Truth of a run; ``..._own_time``: stamps count from the file's own first row."""
+    """Truth of a run; ``..._own_time``: stamps count from a start of the file's own."""
 
     joints: Trajectories | None = None
     states: TrueStates | None = None
@@ -270,7 +270,7 @@ class Truth:
 
 
 def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
-    """Positions from a ``.trc`` or ``.c3d`` (stamps count from its first row), or a ``.csv`` in the format of ``joints.csv``.
+    """Positions from a ``.trc`` or ``.c3d``, or a ``.csv`` in the format of ``joints.csv``.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
     kind = path.suffix.lower()
     if kind in (".trc", ".c3d"):
         markers = load_c3d(path, y_up) if kind == ".c3d" else load_trc(path, y_up is not False)
-        stamps = stamps_from_first_ns(path, markers.times_s)
+        stamps = stamps_of_times_ns(path, markers.times_s)
         names, positions, valid = markers.names, markers.positions_m, markers.valid
     elif kind == ".csv":
         header = CsvTable(path).header

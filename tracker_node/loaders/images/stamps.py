@@ -90,8 +90,8 @@ def period_ns(times: Sequence[int]) -> int:
     return int(np.median(np.diff(np.array(times, dtype=np.int64)))) if len(times) > 1 else 0
 
 
-def stamps_from_first_ns(path: str | Path, times_s: np.ndarray) -> np.ndarray:
-    """Stamps from times of which only the differences count.
+def stamps_of_times_ns(path: str | Path, times_s: np.ndarray) -> np.ndarray:
+    """Stamps from a file's times, which may begin anywhere; their differences are exact to a nanosecond.
 
     Parameters
     ----------
@@ -99,16 +99,18 @@ def stamps_from_first_ns(path: str | Path, times_s: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    (n,) int64 nanoseconds since the first.
+    (n,) int64 nanoseconds.
 
     Raises
     ------
-    FileFormatError : times that are not a nanosecond apart, or span more than a hundred years.
+    FileFormatError : times that are not a nanosecond apart, span more than a hundred years or begin as far from 0.
     """
     elapsed = np.asarray(times_s, dtype=np.float64) - times_s[0]
     if not elapsed[-1] < _LONGEST_SPAN_S:
         raise FileFormatError(path, "times", f"a span of less than {_LONGEST_SPAN_S:.0f} s", elapsed[-1])
-    stamps = np.round(elapsed * 1e9).astype(np.int64)
+    if not abs(times_s[0]) < _LONGEST_SPAN_S:
+        raise FileFormatError(path, "times", f"a first one within {_LONGEST_SPAN_S:.0f} s of 0", times_s[0])
+    stamps = np.round(elapsed * 1e9).astype(np.int64) + round(float(times_s[0]) * 1e9)
     if np.any(np.diff(stamps) <= 0):
         raise FileFormatError(path, "times", "times a nanosecond apart at least", "closer ones")
     return stamps

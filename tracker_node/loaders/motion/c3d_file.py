@@ -161,7 +161,7 @@ def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
 
     Returns
     -------
-    Markers in meters.
+    Markers in meters; times count from the recording's first frame, which a trimmed file begins after.
 
     Raises
     ------
@@ -188,7 +188,8 @@ def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
     positions[~valid] = 0.0
     if y_up if y_up is not None else "Y" in "".join(content["y_screen"].tolist()).upper():
         positions = positions[..., [2, 0, 1]]
-    return MarkerTrajectories(names, np.arange(len(positions)) / rate, positions, rate, valid)
+    first = int(content["first_frame"])
+    return MarkerTrajectories(names, (first + np.arange(len(positions))) / rate, positions, rate, valid)
 
 
 def _markers(path: str | Path, content: Mapping[str, np.ndarray], n: int) -> tuple[tuple[str, ...], list[int]]:
@@ -230,7 +231,7 @@ def _read_c3d(path: str | Path) -> Mapping[str, np.ndarray]:
     """Content of a C3D file.
 
     ``points`` (n, m, 3) in the file's unit, ``residuals`` (n, m), ``rate`` (), and texts: ``labels`` (m), ``not_markers``,
-    ``units``, ``y_screen``; ``actual_frames`` (), how many ``TRIAL`` states, 0 where it does not.
+    ``units``, ``y_screen``; ``actual_frames`` (), how many ``TRIAL`` states, 0 where it does not; ``first_frame`` (), from 0.
     """
     command = [sys.executable, "-m", "tracker_node.loaders.motion.c3d_file", str(path)]
     try:
@@ -255,6 +256,7 @@ def main(path: str) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     file = ezc3d.c3d(path)
     point = file["parameters"]["POINT"]
+    first, last = _actual_fields(file["parameters"].get("TRIAL", {}))
 
     def texts(name: str) -> list[str]:
         return [str(value).strip() for value in point[name]["value"]] if name in point else []
@@ -268,17 +270,18 @@ def main(path: str) -> None:
         not_markers=np.array([label for kind in _NOT_MARKERS for label in texts(kind)], dtype=np.str_),
         units=np.array(texts("UNITS"), dtype=np.str_),
         y_screen=np.array(texts("Y_SCREEN"), dtype=np.str_),
-        actual_frames=_actual_frames(file["parameters"].get("TRIAL", {})),
+        actual_frames=last - first + 1 if last else 0,
+        first_frame=first - 1 if last else int(file["header"]["points"]["first_frame"]),
     )
 
 
-def _actual_frames(trial: Mapping[str, Any]) -> int:
-    """From the numbers of the first and last frame, each two words of 16 bits, the lower one first."""
+def _actual_fields(trial: Mapping[str, Any]) -> tuple[int, int]:
+    """Numbers of the first and last frame, each two words of 16 bits, the lower one first; zeros where they make no sense."""
     numbers = []
     for name in ("ACTUAL_START_FIELD", "ACTUAL_END_FIELD"):
         words = [int(word) & 0xFFFF for word in np.ravel(trial[name]["value"])] if name in trial else []
         numbers.append(words[0] + (words[1] << 16) if len(words) == 2 else 0)
-    return numbers[1] - numbers[0] + 1 if 0 < numbers[0] <= numbers[1] else 0
+    return (numbers[0], numbers[1]) if 0 < numbers[0] <= numbers[1] else (0, 0)
 
 
 if __name__ == "__main__":
