@@ -30,7 +30,7 @@ from typing import Any
 from ..errors import FileFormatError
 from .decoding import IMAGE_SUFFIXES
 from .rig.opencap_pickle import FILE_NAME
-from .source_address import files_of_cameras, natural
+from .source_address import files_of_cameras, natural, rivals
 from .whole_file import read_text
 from .yaml_file import read_mapping
 
@@ -127,9 +127,15 @@ def videos_by_camera(trial: ProjectTrial, names: Sequence[str], tell: Callable[[
 
     Raises
     ------
-    FileFormatError : fewer than two of several cameras have a video, and the numbers of cameras and videos differ.
+    FileFormatError : fewer than two of several cameras have a video, and the numbers of cameras and videos differ; or several
+        videos fit a camera.
     """
     found = files_of_cameras(trial.videos, names)
+    alike = {name: rivals(trial.videos, name) for name in names if name not in found}
+    if len(names) != len(trial.videos) and any(alike.values()):
+        name, files = next(each for each in alike.items() if each[1])
+        fitting = ", ".join(trial.videos[file].name for file in files)
+        raise FileFormatError(trial.folder, "(videos)", f"one for {name} (`rig import --sources` names each)", fitting)
     if len(found) >= min(2, len(names)):
         for name in names:
             if name not in found:

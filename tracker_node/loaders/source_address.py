@@ -59,7 +59,8 @@ def files_of_cameras(files: Iterable[str], cameras: Sequence[str]) -> dict[str, 
 
     The first rule that fits one file alone counts: the camera's name (``cam_01``, ``Cam-01``, ``cam_01_json``); its name as a
     word, or at the end (``trial2_cam01``, ``walk-camA`` for ``A``); its last number (``cam1`` for ``cam_01``). A single file
-    belongs to a single camera whatever its name.
+    belongs to a single camera whatever its name. Numbers do not count where both cameras and files are left over: one of them
+    may begin at 0 and the other at 1.
 
     Parameters
     ----------
@@ -72,21 +73,44 @@ def files_of_cameras(files: Iterable[str], cameras: Sequence[str]) -> dict[str, 
     files = list(files)
     if len(files) == len(cameras) == 1:
         return {cameras[0]: files[0]}
-    found = {}
+    found, by_number = {}, set()
     for camera in cameras:
-        own, number = identifier(camera).lower(), last_number(camera)
-        word = re.compile(rf"(?<![^\W_]){re.escape(camera)}(?![^\W_])", re.IGNORECASE)
-        end = re.compile(rf"{'(?<![0-9])' if camera[:1].isdigit() else ''}{re.escape(camera)}$")  # cam12 does not end in 2
-        rules = (
-            [file for file in files if identifier(file).lower() in (own, f"{own}_json")],
-            [file for file in files if word.search(file)],
-            [file for file in files if end.search(file)],
-            [file for file in files if number is not None and last_number(file) == number],
-        )
-        alone = next((fitting[0] for fitting in rules if len(fitting) == 1), None)
-        if alone is not None:
-            found[camera] = alone
+        rules = _rules(files, camera)
+        rule = next((i for i, fitting in enumerate(rules) if len(fitting) == 1), None)
+        if rule is not None:
+            found[camera] = rules[rule][0]
+        if rule == len(rules) - 1:
+            by_number.add(camera)
+    if len(found) < min(len(cameras), len(files)):
+        found = {camera: file for camera, file in found.items() if camera not in by_number}
     return found if len(set(found.values())) == len(found) else {}
+
+
+def _rules(files: Sequence[str], camera: str) -> tuple[list[str], ...]:
+    """The files that each rule of `files_of_cameras` fits; that of the number is the last."""
+    own, number = identifier(camera).lower(), last_number(camera)
+    word = re.compile(rf"(?<![^\W_]){re.escape(camera)}(?![^\W_])", re.IGNORECASE)
+    end = re.compile(rf"{'(?<![0-9])' if camera[:1].isdigit() else ''}{re.escape(camera)}$")  # cam12 does not end in 2
+    return (
+        [file for file in files if identifier(file).lower() in (own, f"{own}_json")],
+        [file for file in files if word.search(file)],
+        [file for file in files if end.search(file)],
+        [file for file in files if number is not None and last_number(file) == number],
+    )
+
+
+def rivals(files: Iterable[str], camera: str) -> list[str]:
+    """The files of which none is the camera's because several fit it by the same rule.
+
+    Parameters
+    ----------
+    files, camera : their names.
+
+    Returns
+    -------
+    Two or more, or none.
+    """
+    return next((fitting for fitting in _rules(list(files), camera) if len(fitting) > 1), [])
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
+from helpers.sources import projects
 from tracker_node.calibration.points.dlt import dlt_parameters
 from tracker_node.camera.light import Light
 from tracker_node.cli.main import main
@@ -79,6 +80,15 @@ def test_what_is_wrong_is_one_line(tmp_path, capsys, arguments, said):
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and said in error
     assert not (tmp_path / "rig.yaml").exists()
+
+
+def test_videos_of_a_folder_are_named_by_camera(tmp_path, capsys):
+    """Numbers that begin at 0 went to the cameras of the same numbers, from 1, and nothing was said."""
+    write_toml(tmp_path / "calib.toml", circle_rig(3))
+    projects.films(tmp_path / "videos", [f"video_{i}.mp4" for i in range(3)])
+    arguments = ["rig", "import", str(tmp_path / "calib.toml"), "--sources", str(tmp_path / "videos")]
+    assert main([*arguments, "-o", str(tmp_path / "rig.yaml")]) == 0
+    assert "cam01 (video_0.mp4), cam02 (video_1.mp4), cam03 (video_2.mp4)" in capsys.readouterr().out
 
 
 def test_a_rig_that_was_mended_gets_its_videos(tmp_path):

@@ -84,7 +84,7 @@ def sources_of_cameras(pattern: str | None, names: Sequence[str], tell: Callable
     ----------
     pattern : with {name} or {number}, or a folder of recordings; None: nothing.
     names : of the cameras.
-    tell : called with a sentence where the names of the recordings do not settle it.
+    tell : called with the recordings of a folder by camera, and a sentence where their names do not settle it.
 
     Returns
     -------
@@ -100,7 +100,9 @@ def sources_of_cameras(pattern: str | None, names: Sequence[str], tell: Callable
     folder = None if pattern is None or "{" in pattern else Path(pattern)
     if folder is None or has_images(folder) or not recordings_in(folder):
         return sources_by_name(pattern, names)
-    return {name: str(path) for name, path in recordings_by_camera(folder, names, tell).items()}
+    found = recordings_by_camera(folder, names, tell)
+    tell(", ".join(f"{name} ({path.name})" for name, path in found.items()))
+    return {name: str(path) for name, path in found.items()}
 
 
 def add_pixel_map_argument(parser: argparse.ArgumentParser) -> None:
