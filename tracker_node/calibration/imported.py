@@ -15,14 +15,15 @@ from ..camera.rig import LARGEST_ROOM_M, Camera, CameraRig
 from ..errors import FileFormatError
 from ..loaders.images.source import open_camera_source_of_any_size
 from ..loaders.projects import ProjectTrial, videos_by_camera
-from ..loaders.rig.calibration_toml import load_pose2sim
+from ..loaders.rig.calibration_toml import cameras_in_toml, load_pose2sim
 from ..loaders.rig.camera_info import load_camera_info
 from ..loaders.rig.control_points import load_dlt
 from ..loaders.rig.formats import CAMERA_INFO, DLT, OPENCAP, OPENCV, QUALISYS, RIG, TOML, detect_all
 from ..loaders.rig.opencap_pickle import load_opencap
 from ..loaders.rig.opencv_storage import load_opencv
-from ..loaders.rig.qualisys_xml import load_qualisys
+from ..loaders.rig.qualisys_xml import cameras_in_qualisys, load_qualisys
 from ..loaders.rig.rig_yaml import load_rig
+from ..loaders.source_address import last_number
 from .points.dlt import camera_of_parameters
 from .video_pixels import rig_of_videos
 from .world_frame import UP, up_of_cameras, upright
@@ -63,7 +64,38 @@ def import_rig(
     rig = _load(kind, files, size, like)
     if kind == DLT:
         _tell_centers(rig, tell)
+    if kind == QUALISYS:
+        for number, (name, is_active) in enumerate(cameras_in_qualisys(files[0]), start=1):
+            if not is_active:
+                tell(f"camera {number} ({name}) is inactive: left out")
     return _in_meters(rig, UNITS[unit or "m"], tell)
+
+
+def numbers_of_cameras(kind: str, files: Sequence[str], rig: CameraRig, tell: Callable[[str], None]) -> dict[str, int]:
+    """Place of each camera in its file, from 1, where those that are left out count too.
+
+    Parameters
+    ----------
+    kind, files : as of `import_rig`.
+    rig : that they make.
+    tell : called with a sentence where tables of cameras are numbered otherwise.
+
+    Returns
+    -------
+    Camera -> number.
+    """
+    names, keys = list(rig.names), list(rig.names)
+    if kind == QUALISYS:
+        names = [name for name, _ in cameras_in_qualisys(files[0])]
+    elif kind == TOML:
+        tables = cameras_in_toml(files[0])
+        names, keys = list(tables.values()), list(tables)
+    found = {name: number for number, name in enumerate(names, start=1) if name in rig.names}
+    stated = [number for key in keys if (number := last_number(key)) is not None]
+    if kind == TOML and len(stated) == len(keys) and len({number - place for place, number in enumerate(stated)}) > 1:
+        said = ", ".join(f"{name} {found[name]} ([{key}])" for name, key in zip(names, keys, strict=True) if name in found)
+        tell(f"note: {{number}} is the place in the file, not the number of the table: {said}; {{name}} is safe")
+    return found
 
 
 def _load(kind: str, files: Sequence[str], size: tuple[int, int] | None, like: str | None) -> CameraRig:

@@ -217,13 +217,16 @@ def filled(pattern: str, name: str, number: int) -> str:
     return pattern.format(name=name, number=number)
 
 
-def sources_by_name(pattern: str | None, names: Iterable[str]) -> dict[str, str | None]:
+def sources_by_name(
+    pattern: str | None, names: Iterable[str], numbers: Mapping[str, int] | None = None
+) -> dict[str, str | None]:
     """The source of each camera by a pattern, numbered from 1; None for all without a pattern.
 
     Parameters
     ----------
     pattern : such as ``videos/{name}.mp4`` or ``cam{number:02}``.
     names : of the cameras, in the order of the rig.
+    numbers : of the cameras, where another order counts.
 
     Returns
     -------
@@ -236,8 +239,8 @@ def sources_by_name(pattern: str | None, names: Iterable[str]) -> dict[str, str 
     sources: dict[str, str | None] = dict.fromkeys(names)
     if pattern is None:
         return sources
-    for number, name in enumerate(sources, start=1):
-        source = filled(pattern, name, number)
+    for place, name in enumerate(sources, start=1):
+        source = filled(pattern, name, place if numbers is None else numbers[name])
         parse_source(source)
         sources[name] = source
     return sources

@@ -1,6 +1,7 @@
 """``rig import``: other programs' calibrations become a rig.yaml that loads."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from tracker_node.cli.main import main
 from tracker_node.geometry import so3
 from tracker_node.loaders.rig.camera_info import dump_camera_info
 from tracker_node.loaders.rig.control_points import dump_dlt
+from tracker_node.loaders.rig.qualisys_xml import dump_qualisys
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 
 
@@ -89,6 +91,23 @@ def test_videos_of_a_folder_are_named_by_camera(tmp_path, capsys):
     arguments = ["rig", "import", str(tmp_path / "calib.toml"), "--sources", str(tmp_path / "videos")]
     assert main([*arguments, "-o", str(tmp_path / "rig.yaml")]) == 0
     assert "cam01 (video_0.mp4), cam02 (video_1.mp4), cam03 (video_2.mp4)" in capsys.readouterr().out
+
+
+def test_numbers_count_cameras_that_are_left_out(tmp_path, capsys):
+    """The videos of the third and fourth camera went to the second and third of the rig."""
+    rig, pattern, output = circle_rig(3), str(tmp_path / "c{number}.mp4"), str(tmp_path / "rig.yaml")
+    dump_qualisys(rig, tmp_path / "a.qca.txt")
+    text = (tmp_path / "a.qca.txt").read_text()
+    (tmp_path / "a.qca.txt").write_text(text.replace('active="1" serial="cam02"', 'active="0" serial="cam02"'))
+    assert main(["rig", "import", str(tmp_path / "a.qca.txt"), "--sources", pattern, "-o", output]) == 0
+    assert [Path(camera.source).stem for camera in load_rig(output)] == ["c1", "c3"]
+    assert "camera 2 (cam02) is inactive: left out" in capsys.readouterr().out
+    write_toml(tmp_path / "calib.toml", rig)
+    text = (tmp_path / "calib.toml").read_text()
+    (tmp_path / "calib.toml").write_text(text.replace("[cam_2]", "[cam_4]").replace('"cam01"', '"cam01"\nignore = true'))
+    assert main(["rig", "import", str(tmp_path / "calib.toml"), "--sources", pattern, "-o", output, "--force"]) == 0
+    assert [Path(camera.source).stem for camera in load_rig(output)] == ["c2", "c3"]
+    assert "not the number of the table: cam02 2 ([cam_1]), cam03 3 ([cam_4])" in capsys.readouterr().out
 
 
 def test_a_rig_that_was_mended_gets_its_videos(tmp_path):

@@ -77,7 +77,9 @@ def add_sources_argument(parser: argparse.ArgumentParser) -> None:
 UNITS = ("m", "cm", "mm")  # of `calibration.imported`
 
 
-def sources_of_cameras(pattern: str | None, names: Sequence[str], tell: Callable[[str], None]) -> dict[str, str | None]:
+def sources_of_cameras(
+    pattern: str | None, names: Sequence[str], tell: Callable[[str], None], numbers: Mapping[str, int] | None = None
+) -> dict[str, str | None]:
     """What ``--sources`` says of each camera.
 
     Parameters
@@ -85,6 +87,7 @@ def sources_of_cameras(pattern: str | None, names: Sequence[str], tell: Callable
     pattern : with {name} or {number}, or a folder of recordings; None: nothing.
     names : of the cameras.
     tell : called with the recordings of a folder by camera, and a sentence where their names do not settle it.
+    numbers : of the cameras, where {number} is not their place in ``names``.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def sources_of_cameras(pattern: str | None, names: Sequence[str], tell: Callable
 
     folder = None if pattern is None or "{" in pattern else Path(pattern)
     if folder is None or has_images(folder) or not recordings_in(folder):
-        return sources_by_name(pattern, names)
+        return sources_by_name(pattern, names, numbers)
     found = recordings_by_camera(folder, names, tell)
     tell(", ".join(f"{name} ({path.name})" for name, path in found.items()))
     return {name: str(path) for name, path in found.items()}

@@ -149,7 +149,7 @@ def _add_import_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_import(args: argparse.Namespace) -> int:
-    from ...calibration.imported import import_rig
+    from ...calibration.imported import import_rig, numbers_of_cameras
     from ...calibration.video_pixels import parsed_choices, rig_of_videos
     from ...loaders.rig.formats import CAMERA_INFO, RIG, TOML, detect_all
     from ...loaders.rig.rig_yaml import build_rig, load_rig, rig_file_of, write_rig_file
@@ -161,7 +161,9 @@ def _run_import(args: argparse.Namespace) -> int:
     size = None if args.size is None else size_option("--size", args.size)
     moves_on = kind == RIG and len(files) == 1 and args.sources  # a rig that was mended gets the videos
     rig = load_rig(files[0]) if moves_on else import_rig(kind, files, size, args.unit, args.like, print)
-    sources = sources_of_cameras(args.sources, rig.names, print)
+    counted = "{number" in (args.sources or "") and not moves_on
+    numbers = numbers_of_cameras(kind, files, rig, print) if counted else None
+    sources = sources_of_cameras(args.sources, rig.names, print, numbers)
     rig = rig.subset([name for name in rig.names if name in sources]).with_sources(sources)
     rig = rig_of_videos(rig, parsed_choices("--pixel-map", args.pixel_map), print)
     rig_file = rig_file_of(rig)

@@ -31,17 +31,34 @@ def load_pose2sim(path: str | Path) -> CameraRig:
     CalibrationError : for a camera without calibration (focal length 0).
     """
     path = Path(path)
-    try:
-        tables = tomllib.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(path, "(file)", "a TOML file", str(error)) from error
-    found = {key: value for key, value in _flat(tables).items() if _SIZES & value.keys() or "matrix" in value}
+    tables = _tables(path)
+    found = _cameras(tables)
     cameras = {key: value for key, value in found.items() if not value.get("ignore")}
     if found and not cameras:
         raise FileFormatError(path, "ignore", "a camera that is not to be ignored", f"ignore = true of {', '.join(found)}")
     if not cameras:
         raise FileFormatError(path, "(top level)", "one table per camera with size, matrix, rotation, translation", list(tables))
     return rig_of(path, "name", [_camera(path, key, table) for key, table in cameras.items()])
+
+
+def cameras_in_toml(path: str | Path) -> dict[str, str]:
+    """Table -> name of each camera of such a file, in its order, those to be ignored too."""
+    return {key: _name(key, table) for key, table in _cameras(_tables(Path(path))).items()}
+
+
+def _tables(path: Path) -> dict:
+    try:
+        return tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(path, "(file)", "a TOML file", str(error)) from error
+
+
+def _cameras(tables: Mapping) -> dict[str, dict]:
+    return {key: value for key, value in _flat(tables).items() if _SIZES & value.keys() or "matrix" in value}
+
+
+def _name(key: str, table: Mapping) -> str:
+    return identifier(str(table.get("name", key)))
 
 
 def _flat(tables: Mapping) -> dict[str, dict]:
@@ -59,7 +76,7 @@ def _camera(path: Path, key: str, table: dict) -> Camera:
         if field not in table:
             expected = f"the {field} of a calibrated camera, or ignore = true, which leaves the camera out"
             raise FileFormatError(path, f"{key}.{field}", expected, "none")
-    name = identifier(str(table.get("name", key)))
+    name = _name(key, table)
     size = size_of(path, f"{key}.size", *array_of(path, f"{key}.size", table.get("size", table.get("image_size")), (2,)).tolist())
     K = array_of(path, f"{key}.matrix", table["matrix"], (3, 3))
     coefficients = array_of(path, f"{key}.distortions", table.get("distortions", []))

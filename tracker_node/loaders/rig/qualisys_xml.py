@@ -34,10 +34,20 @@ def load_qualisys(path: str | Path) -> CameraRig:
     FileFormatError : no such file, no XML, or an element or number that is missing or wrong.
     """
     root = parse_xml(read_bytes(path), path)
-    found = [element for element in root.findall("cameras/camera") if element.get("active", "1") == "1"]
+    found = [element for element in root.findall("cameras/camera") if _is_active(element)]
     if root.tag != "calibration" or not found:
         raise FileFormatError(path, "(file)", "<calibration> with <cameras> of which one is active", f"<{root.tag}>")
     return rig_of(path, "serial", [_camera(path, element) for element in found])
+
+
+def cameras_in_qualisys(path: str | Path) -> list[tuple[str, bool]]:
+    """Name of each camera of a Qualisys calibration, in the order of the file, and whether it is active."""
+    found = parse_xml(read_bytes(path), path).findall("cameras/camera")
+    return [(identifier(element.get("serial", "")), _is_active(element)) for element in found]
+
+
+def _is_active(element: ET.Element) -> bool:
+    return element.get("active", "1") == "1"
 
 
 def dump_qualisys(rig: CameraRig, path: str | Path) -> None:
