@@ -28,7 +28,9 @@ from .points.dlt import camera_of_parameters
 from .video_pixels import rig_of_videos
 from .world_frame import UP, up_of_cameras, upright
 
+_LARGEST_PLACE_M = 200.0  # a rig that is larger has another unit, unless its unit is stated
 _FARTHEST_CENTER = 0.2  # of a lens from the middle of the image, fraction of its sides
+_IN_METERS = (CAMERA_INFO, OPENCAP, QUALISYS)  # whatever their files count in
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
@@ -57,9 +59,10 @@ def import_rig(
 
     Raises
     ------
-    FileFormatError : files that cannot be used, a size that is missing, or a unit where places are in meters already.
+    FileFormatError : files that cannot be used, a size that is missing, a unit where places are in meters already, or none where
+        they are hardly meters.
     """
-    if unit is not None and kind in (CAMERA_INFO, OPENCAP, QUALISYS):
+    if unit is not None and kind in _IN_METERS:
         raise FileFormatError("command line", "--unit", f"none with {kind} files, whose rig is in meters already", unit)
     rig = _load(kind, files, size, like)
     if kind == DLT:
@@ -68,7 +71,7 @@ def import_rig(
         for number, (name, is_active) in enumerate(cameras_in_qualisys(files[0]), start=1):
             if not is_active:
                 tell(f"camera {number} ({name}) is inactive: left out")
-    return _in_meters(rig, UNITS[unit or "m"], tell)
+    return _in_meters(files[0], rig, "m" if kind in _IN_METERS else unit, tell)
 
 
 def numbers_of_cameras(kind: str, files: Sequence[str], rig: CameraRig, tell: Callable[[str], None]) -> dict[str, int]:
@@ -143,14 +146,17 @@ def _tell_centers(rig: CameraRig, tell: Callable[[str], None]) -> None:
         tell(f"{told}; is --size that of the images?")
 
 
-def _in_meters(rig: CameraRig, unit: float, tell: Callable[[str], None]) -> CameraRig:
+def _in_meters(path: str, rig: CameraRig, unit: str | None, tell: Callable[[str], None]) -> CameraRig:
     cameras = []
     for camera in rig:
         T_world_cam = camera.T_world_cam.copy()
-        T_world_cam[:3, 3] *= unit
+        T_world_cam[:3, 3] *= UNITS[unit or "m"]
         cameras.append(replace(camera, T_world_cam=T_world_cam))
     centers = np.array([camera.center for camera in cameras])
     apart = np.linalg.norm(centers[:, None] - centers[None], axis=2)
+    if unit is None and apart.max(initial=0.0) > _LARGEST_PLACE_M:
+        got = f"cameras {apart.max():.0f} m apart; say their unit: --unit mm, cm or m"
+        raise FileFormatError(path, "(places)", f"cameras within {_LARGEST_PLACE_M:.0f} m of each other", got)
     if apart.max(initial=0.0) > LARGEST_ROOM_M:
         tell(f"note: the cameras are {apart.max():.0f} m apart; if the file is in millimeters, say --unit mm")
     return replace(rig, cameras=tuple(cameras))

@@ -110,6 +110,22 @@ def test_numbers_count_cameras_that_are_left_out(tmp_path, capsys):
     assert "not the number of the table: cam02 2 ([cam_1]), cam03 3 ([cam_4])" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("apart_m", "unit", "said"),
+    [
+        (40.0, [], ""), (150.0, [], "m apart; if the file is"), (9e3, [], "--unit mm, cm or m"), (9e3, ["--unit", "mm"], ""),
+        (300.0, ["--unit", "m"], "m apart; if the file is"),
+    ],
+)  # fmt: skip
+def test_a_rig_of_kilometers_needs_its_unit(tmp_path, capsys, apart_m, unit, said):
+    """FreeMoCap and Anipose write millimeters: cameras 6.7 km apart were written, with a note."""
+    write_toml(tmp_path / "calib.toml", circle_rig(2, radius=0.5 * apart_m))
+    code = main(["rig", "import", str(tmp_path / "calib.toml"), *unit, "-o", str(tmp_path / "rig.yaml")])
+    assert code == (2 if "cm" in said else 0) and (tmp_path / "rig.yaml").exists() == (code == 0)
+    printed = capsys.readouterr()
+    assert said in printed.out + printed.err and ("apart" in printed.out + printed.err) == bool(said)
+
+
 def test_a_rig_that_was_mended_gets_its_videos(tmp_path):
     rig = circle_rig(2)
     write_rig_file(rig_file_of(rig), tmp_path / "mended.yaml")

@@ -150,6 +150,8 @@ def test_a_stereo_pair_of_two_files_stands_as_opencv_says(tmp_path):
     [
         ("<html></html>", "other XML"),
         ("1 2\n3 4\n", "expected 11 lines of DLT coefficients, got '2 lines of numbers'"),
+        ("1 1681.2 1088 1920 532.9 948.1 1.0 0 0 0 0 0\n2 1673 1088 1920 534.4 963.2 1.0 0 0 0 0 0\n", "got 'lenses of Argus"),
+        ('<?xml version="1.0"?>\n<Cameras><Camera SENSOR_SIZE="1088 1920"/></Cameras>', "Vicon (.xcp): Pose2Sim makes TOML of"),
         ("hello", "expected a calibration: Pose2Sim"),
         ("[cam1]\nmatrix = [[0*1.0]]\n", "expected a TOML file, got 'Unclosed array (at line 2"),
         ("", "expected a calibration: Pose2Sim"),

@@ -18,6 +18,7 @@ _CALIBRATION = ("image_size", "K", "distortion_model", "distortion", "T_world_ca
 _CAMERA_INFO_KEY = re.compile(r"""^["']?camera_matrix["']?[ \t]*:""", re.MULTILINE)  # of YAML, at its top
 _RIG_KEY = re.compile(r"""^["']?cameras["']?[ \t]*:""", re.MULTILINE)
 _TOML_TABLE = re.compile(r"^\[[^\[\]\n]+\][ \t]*$", re.MULTILINE)
+_ARGUS_COLUMNS = 12  # of a camera profile: number, focal length, size, center, aspect, five of distortion
 _KNOWN = (
     "a calibration: Pose2Sim, aniposelib, FreeMoCap or Caliscope TOML, ROS camera_info YAML, OpenCV YAML, XML or JSON, Qualisys"
     " XML, OpenCap pickles, or eleven lines of DLT coefficients"
@@ -40,13 +41,19 @@ def detect(path: str | Path) -> str:
             return OPENCV
         if "<calibration" in start:
             return QUALISYS
+        if "<Cameras" in start and "SENSOR_SIZE=" in start:
+            way = "a calibration of Vicon (.xcp): Pose2Sim makes TOML of it, which is read here"
+            raise FileFormatError(path, "(file)", _KNOWN, way)
         raise FileFormatError(path, "(file)", _KNOWN, "other XML")
     if start.startswith("%YAML") or start.startswith("{"):
         return OPENCV
     rows = dlt_lines(start).values()
     if rows and all(is_decimal(cell) for row in rows for cell in row):
         if len(rows) != N_COEFFICIENTS:
-            raise FileFormatError(path, "(file)", f"{N_COEFFICIENTS} lines of DLT coefficients", f"{len(rows)} lines of numbers")
+            got = f"{len(rows)} lines of numbers"
+            if all(len(row) == _ARGUS_COLUMNS and row[0] == str(number) for number, row in enumerate(rows, start=1)):
+                got = "lenses of Argus (camera profile); import its DLT coefficients"
+            raise FileFormatError(path, "(file)", f"{N_COEFFICIENTS} lines of DLT coefficients", got)
         return DLT
     wrong = ""
     try:
