@@ -223,6 +223,21 @@ def test_a_trial_whose_sides_agree_is_believed():
     assert lengths[0] > 0.9 and lengths[1] < lengths[0] - 0.1
 
 
+def test_what_differs_in_the_person_is_no_error_of_other_lengths():
+    """With a shank 50 mm shorter, the upper arms were 38 mm off."""
+    scales = {f"{side}_upper_arm": LinkScale((1, 1, 0.8), (1, 1, 0.8)) for side in ("left", "right")}
+    short = 1.0 - 0.05 / length(HUMAN, "left_shank")
+    markers = trial(scaled_by_link(HUMAN, scales | {"left_shank": LinkScale((1, 1, short), (1, 1, short))}))
+    fits = [scale_to_trial(HUMAN, markers, ScalingOptions(symmetric=symmetric)) for symmetric in (False, True)]
+    arms = [next(segment for segment in fit.segments if segment.name == "left_upper_arm") for fit in fits]
+    off = [abs(arm.used_m - arm.measured_m) for arm in arms]
+    assert off[0] < 0.004 and off[1] > 0.02
+    for fit in fits:
+        assert list(fit.differing) == ["left_shank"] and np.isclose(fit.differing["left_shank"], 0.05, atol=1e-3)
+    uneven = {"left_thigh": 0.4, "right_thigh": 0.43, "left_shank": 0.42, "right_shank": 0.41}
+    assert error_of_lengths(uneven, symmetric=False) == pytest.approx(np.sqrt((0.25 * 0.015**2 + 2 * 0.5 * 0.01**2) / 2.25))
+
+
 def test_landmarks_that_are_no_joints_do_not_pull_the_trials_pose():
     """Toes, heels and nose are 5 cm off: joints stay where they are, and the landmarks go where the trial has them."""
     markers = trial(HUMAN)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from .pose import fit_state_to_landmarks
 SIDES = ("left", "right")
 _BESIDE_JOINTS = 0.02  # weight of a landmark that is no joint of a measured length
 _DETECTED_M, _DETECTED_WEIGHT = 0.015, 0.25  # error of a length between detected joints, and how many pairs it is worth
+_LARGE_DIFFERENCE_M = 0.025  # of left and right: more than joints are off by
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ _SIZE_SEGMENTS = ("trunk", "shoulders to head", "left_thigh", "right_thigh", "le
 
 @dataclass(frozen=True)
 class ScalingOptions:
-    """``joint_sigma_m``: systematic error of a measured length (0: it is exact; None: as left and right differ); ``variation``:
+    """``joint_sigma_m``: systematic error of a measured length (0: it is exact; None: `error_of_lengths`); ``variation``:
     standard deviation of a segment's length among people of one size, as a share; ``symmetric``: make left and right equal;
     ``stature_m``: if known."""
 
@@ -90,11 +91,13 @@ class SegmentFit:
 
 @dataclass(frozen=True, eq=False)
 class ScaledBody:
-    """A scaled body and how it came about; ``size`` is the person's size as a multiple of the model's."""
+    """A scaled body and how it came about; ``size`` is the person's size as a multiple of the model's; ``differing`` are segments
+    of the left that differ much from those of the right, and by how many meters."""
 
     model: ArticulatedModel
     size: float
     segments: tuple[SegmentFit, ...]
+    differing: Mapping[str, float] = field(default_factory=dict)
     residual_m: float = 0.0
     states: tuple[State, ...] = field(default=(), repr=False)
 
@@ -154,18 +157,19 @@ def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options
     TrackerError : the trial has none of the joints that lengths are taken from.
     """
     options = options or ScalingOptions()
-    size, fits = _fit_lengths(model, markers, options)
+    measured = _measured_lengths(model, markers)
+    size, fits = _fit_lengths(model, measured, options)
     scales = _link_scales(model, size, fits)
-    fit = ScaledBody(
-        scaled_by_link(model, scales), size, tuple(fits[segment.name] for segment in SEGMENTS if segment.name in fits)
-    )
+    differing = {name: abs(left - right) for name, left, right in _pairs(measured) if abs(left - right) > _LARGE_DIFFERENCE_M}
+    segments = tuple(fits[segment.name] for segment in SEGMENTS if segment.name in fits)
+    fit = ScaledBody(scaled_by_link(model, scales), size, segments, differing)
     states = pose_trial(fit.model, markers, weights=_of_joints(fit.model))
     scaled = place_landmarks(fit.model, states, [targets_of(fit.model, markers, row) for row in range(len(markers))], options)
     residuals = [
         np.mean(np.linalg.norm(_offsets(scaled, state, targets_of(scaled, markers, row)), axis=1))
         for row, state in enumerate(states)
     ]
-    return ScaledBody(scaled, size, fit.segments, float(np.median(residuals)), tuple(states))
+    return replace(fit, model=scaled, residual_m=float(np.median(residuals)), states=tuple(states))
 
 
 def targets_of(model: ArticulatedModel, markers: MarkerTrajectories, row: int) -> dict[str, np.ndarray]:
@@ -317,10 +321,8 @@ def _length(points: Mapping[str, np.ndarray], segment: Segment) -> float:
     return float(np.linalg.norm(ends[1] - ends[0]))
 
 
-def _fit_lengths(
-    model: ArticulatedModel, markers: MarkerTrajectories, options: ScalingOptions
-) -> tuple[float, dict[str, SegmentFit]]:
-    neutral = dict(zip(model.landmark_names, Configuration(model, State.neutral(model)).landmarks_world, strict=True))
+def _measured_lengths(model: ArticulatedModel, markers: MarkerTrajectories) -> dict[str, float]:
+    """Meters, by segment."""
     rows = [targets_of(model, markers, row) for row in range(len(markers))]
     measured: dict[str, float] = {}
     for segment in SEGMENTS:
@@ -333,7 +335,14 @@ def _fit_lengths(
         raise TrackerError(
             f"the trial has no length to scale by; of these joints it must have two neighbors: {', '.join(joints)}"
         )
-    by_side = dict(measured)
+    return measured
+
+
+def _fit_lengths(
+    model: ArticulatedModel, by_side: Mapping[str, float], options: ScalingOptions
+) -> tuple[float, dict[str, SegmentFit]]:
+    neutral = dict(zip(model.landmark_names, Configuration(model, State.neutral(model)).landmarks_world, strict=True))
+    measured = dict(by_side)
     if options.symmetric:
         measured = {name: 0.5 * (length + measured.get(mirrored_name(name), length)) for name, length in measured.items()}
     reference = {segment.name: _length(neutral, segment) for segment in SEGMENTS if segment.name in measured}
@@ -345,7 +354,7 @@ def _fit_lengths(
         weight = {name: 0.5 if mirrored_name(name) in used and mirrored_name(name) != name else 1.0 for name in used}
         size = sum(weight[n] * measured[n] for n in used) / sum(weight[n] * reference[n] for n in used)
     fits = {}
-    sigma = options.joint_sigma_m if options.joint_sigma_m is not None else error_of_lengths(by_side)
+    sigma = options.joint_sigma_m if options.joint_sigma_m is not None else error_of_lengths(by_side, options.symmetric)
     for name, length in measured.items():
         expected = size * reference[name]
         gain = 1.0 / (1.0 + (sigma / (options.variation * expected)) ** 2)
@@ -353,21 +362,28 @@ def _fit_lengths(
     return size, fits
 
 
-def error_of_lengths(lengths: Mapping[str, float]) -> float:
+def error_of_lengths(lengths: Mapping[str, float], symmetric: bool = True) -> float:
     """Standard deviation of a measured length, by how far those of left and right differ.
 
     Parameters
     ----------
     lengths : meters, by segment.
+    symmetric : the person is; else the half of the pairs that differs more may really do so, and the other half counts.
 
     Returns
     -------
     Meters; that of detected joints where no segment has a twin.
     """
-    pairs = [(length, lengths[mirrored_name(name)]) for name, length in lengths.items() if name.startswith("left_")
-             and mirrored_name(name) in lengths]  # fmt: skip
-    squares = sum(0.5 * (left - right) ** 2 for left, right in pairs)
-    return math.sqrt((_DETECTED_WEIGHT * _DETECTED_M**2 + squares) / (_DETECTED_WEIGHT + len(pairs)))
+    squares = sorted(0.5 * (left - right) ** 2 for _, left, right in _pairs(lengths))
+    if not symmetric and squares:
+        squares = [squares[(len(squares) - 1) // 2]] * len(squares)
+    return math.sqrt((_DETECTED_WEIGHT * _DETECTED_M**2 + sum(squares)) / (_DETECTED_WEIGHT + len(squares)))
+
+
+def _pairs(lengths: Mapping[str, float]) -> list[tuple[str, float, float]]:
+    """Left segments that have a twin: name, its length, that of the right."""
+    left = [name for name in lengths if name.startswith("left_") and mirrored_name(name) in lengths]
+    return [(name, lengths[name], lengths[mirrored_name(name)]) for name in left]
 
 
 def _link_scales(model: ArticulatedModel, size: float, fits: Mapping[str, SegmentFit]) -> dict[str, LinkScale]:

@@ -116,6 +116,10 @@ def _run_body(args: argparse.Namespace) -> int:
             raise FileFormatError(args.trc, "markers", "joints of the body", str(error)) from error
         scaled = fit.model
         _print_fit(fit)
+        if not args.asymmetric:
+            for name, meters in fit.differing.items():
+                differ = f"note: left and right {name.removeprefix('left_')} differ by {1000 * meters:.0f} mm"
+                print(f"{differ}, taken as an error of all lengths: mend the trial, or --asymmetric where the person is so")
     scaled = _completed(scaled, prostheses)
     dump_model(scaled, args.output, _comment(scaled.name, args))
     print(f"stature {model_stature(scaled):.3f} m; wrote {args.output}")
