@@ -7,7 +7,7 @@ measured length is therefore weighed against the one that a person of this size 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -92,11 +92,12 @@ class SegmentFit:
 @dataclass(frozen=True, eq=False)
 class ScaledBody:
     """A scaled body and how it came about; ``size`` is the person's size as a multiple of the model's; ``differing`` are segments
-    of the left that differ much from those of the right, and by how many meters."""
+    of the left that differ much from those of the right, and by how many meters. ``trial_size`` is what the trial alone says."""
 
     model: ArticulatedModel
     size: float
     segments: tuple[SegmentFit, ...]
+    trial_size: float = 1.0
     differing: Mapping[str, float] = field(default_factory=dict)
     residual_m: float = 0.0
     states: tuple[State, ...] = field(default=(), repr=False)
@@ -158,11 +159,13 @@ def scale_to_trial(model: ArticulatedModel, markers: MarkerTrajectories, options
     """
     options = options or ScalingOptions()
     measured = _measured_lengths(model, markers)
-    size, fits = _fit_lengths(model, measured, options)
+    trial_size = _size_of_lengths(model, measured)
+    size = trial_size if options.stature_m is None else options.stature_m / model_stature(model)
+    fits = _fit_lengths(model, measured, size, options)
     scales = _link_scales(model, size, fits)
     differing = {name: abs(left - right) for name, left, right in _pairs(measured) if abs(left - right) > _LARGE_DIFFERENCE_M}
     segments = tuple(fits[segment.name] for segment in SEGMENTS if segment.name in fits)
-    fit = ScaledBody(scaled_by_link(model, scales), size, segments, differing)
+    fit = ScaledBody(scaled_by_link(model, scales), size, segments, trial_size, differing)
     states = pose_trial(fit.model, markers, weights=_of_joints(fit.model))
     scaled = place_landmarks(fit.model, states, [targets_of(fit.model, markers, row) for row in range(len(markers))], options)
     residuals = [
@@ -338,28 +341,34 @@ def _measured_lengths(model: ArticulatedModel, markers: MarkerTrajectories) -> d
     return measured
 
 
-def _fit_lengths(
-    model: ArticulatedModel, by_side: Mapping[str, float], options: ScalingOptions
-) -> tuple[float, dict[str, SegmentFit]]:
+def _reference_lengths(model: ArticulatedModel, names: Collection[str]) -> dict[str, float]:
+    """Meters of segments as the model has them."""
     neutral = dict(zip(model.landmark_names, Configuration(model, State.neutral(model)).landmarks_world, strict=True))
+    return {segment.name: _length(neutral, segment) for segment in SEGMENTS if segment.name in names}
+
+
+def _size_of_lengths(model: ArticulatedModel, measured: Mapping[str, float]) -> float:
+    reference = _reference_lengths(model, measured)
+    used = [name for name in _SIZE_SEGMENTS if name in measured] or list(measured)
+    # A leg counts half where both are there, so that legs and trunk weigh as they do in the stature.
+    weight = {name: 0.5 if mirrored_name(name) in used and mirrored_name(name) != name else 1.0 for name in used}
+    return sum(weight[n] * measured[n] for n in used) / sum(weight[n] * reference[n] for n in used)
+
+
+def _fit_lengths(
+    model: ArticulatedModel, by_side: Mapping[str, float], size: float, options: ScalingOptions
+) -> dict[str, SegmentFit]:
     measured = dict(by_side)
     if options.symmetric:
         measured = {name: 0.5 * (length + measured.get(mirrored_name(name), length)) for name, length in measured.items()}
-    reference = {segment.name: _length(neutral, segment) for segment in SEGMENTS if segment.name in measured}
-    if options.stature_m is not None:
-        size = options.stature_m / model_stature(model)
-    else:
-        used = [name for name in _SIZE_SEGMENTS if name in measured] or list(measured)
-        # A leg counts half where both are there, so that legs and trunk weigh as they do in the stature.
-        weight = {name: 0.5 if mirrored_name(name) in used and mirrored_name(name) != name else 1.0 for name in used}
-        size = sum(weight[n] * measured[n] for n in used) / sum(weight[n] * reference[n] for n in used)
+    reference = _reference_lengths(model, measured)
     fits = {}
     sigma = options.joint_sigma_m if options.joint_sigma_m is not None else error_of_lengths(by_side, options.symmetric)
     for name, length in measured.items():
         expected = size * reference[name]
         gain = 1.0 / (1.0 + (sigma / (options.variation * expected)) ** 2)
         fits[name] = SegmentFit(name, length, expected, gain * length + (1.0 - gain) * expected)
-    return size, fits
+    return fits
 
 
 def error_of_lengths(lengths: Mapping[str, float], symmetric: bool = True) -> float:

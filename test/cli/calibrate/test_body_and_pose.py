@@ -9,7 +9,7 @@ from tracker_node.geometry import se3
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
-from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc
+from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc, load_trc
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.humans.measures import MARKER_OF_LANDMARK, HumanMeasures
@@ -108,6 +108,23 @@ def test_markers_that_are_not_the_bodys_are_named(tmp_path, capsys):
     dump_trc(MarkerTrajectories(("A", "B"), np.arange(2) / 60, points, 60.0, np.ones((2, 2), bool)), tmp_path / "x.trc")
     assert main(["calibrate", "body", "--trc", str(tmp_path / "x.trc")]) == 2
     assert "x.trc" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("says", "has"), [("m", "mm"), ("mm", "m"), ("cm", "mm")])
+def test_a_trial_in_another_unit_is_no_person(trc_path, tmp_path, capsys, says, has):
+    """It made a body of 1810 m, or of 2 mm."""
+    markers = load_trc(trc_path)
+    dump_trc(markers, trc_path, unit=has)
+    trc_path.write_text(trc_path.read_text().replace(f"\t{has}\t", f"\t{says}\t", 1))
+    assert main(["calibrate", "body", "--trc", str(trc_path), "-o", str(tmp_path / "a.yaml")]) == 2
+    assert f"the file says {says}, its lengths look like those of {has}'" in capsys.readouterr().err
+    assert not (tmp_path / "a.yaml").exists()
+
+
+@pytest.mark.parametrize(("stature", "is_said"), [("1.2", True), ("1.78", False)])
+def test_a_stature_that_the_trial_contradicts_is_said(trc_path, tmp_path, capsys, stature, is_said):
+    assert main(["calibrate", "body", "--trc", str(trc_path), "--stature", stature, "-o", str(tmp_path / "a.yaml")]) == 0
+    assert ("the lengths of the trial are those of a person of 1.8" in capsys.readouterr().out) == is_said
 
 
 def test_help_has_an_example(capsys):

@@ -12,6 +12,9 @@ from ...arguments.run_images import add_run_arguments, check, evidence_of, load_
 from ...arguments.runs import add_person_argument, place_of_person
 from ...arguments.verbs import Subverb
 
+_STATURE_M = (0.4, 3.0)
+_PERSON_M = 1.7
+_CONTRADICTS = 0.1  # share of the stature by which that of a trial may differ
 GROUPS = ("size", "length", "breadth", "girth", "section", "taper", "shift")
 
 
@@ -94,7 +97,8 @@ def _run_body(args: argparse.Namespace) -> int:
         check(value is None, option, "--from-points beside it", str(value))
     expected = "a TRC file, a stature with --stature, a recording with --from-points, or a run with --from-run"
     check(args.trc or args.stature, "--trc", expected)
-    check(args.stature is None or 0.4 <= args.stature <= 3.0, "--stature", "0.4 to 3 meters", args.stature)
+    low, high = _STATURE_M
+    check(args.stature is None or low <= args.stature <= high, "--stature", f"{low:g} to {high:g} meters", args.stature)
     check(args.joint_sigma_mm is None or 0.0 <= args.joint_sigma_mm < 1e4, "--joint-sigma-mm", "0 to 10000", args.joint_sigma_mm)
     check(not args.states or (args.model and args.trc), "--states", "--model and --trc beside it", args.states)
     refuse_to_overwrite(args, args.output)
@@ -115,6 +119,7 @@ def _run_body(args: argparse.Namespace) -> int:
         except TrackerError as error:
             raise FileFormatError(args.trc, "markers", "joints of the body", str(error)) from error
         scaled = fit.model
+        _check_size(args, fit.trial_size * model_stature(whole))
         _print_fit(fit)
         if not args.asymmetric:
             for name, meters in fit.differing.items():
@@ -124,6 +129,22 @@ def _run_body(args: argparse.Namespace) -> int:
     dump_model(scaled, args.output, _comment(scaled.name, args))
     print(f"stature {model_stature(scaled):.3f} m; wrote {args.output}")
     return 0
+
+
+def _check_size(args: argparse.Namespace, stature_m: float) -> None:
+    """Whether the lengths of a trial are those of a person, and of the one whose stature is given."""
+    from math import log
+
+    from ....loaders.motion.trc import METERS_PER_UNIT
+
+    low, high = _STATURE_M
+    if not low <= stature_m <= high:
+        wrong = {(has, says): METERS_PER_UNIT[says] / METERS_PER_UNIT[has] for has in METERS_PER_UNIT for says in METERS_PER_UNIT}
+        has, says = min(wrong, key=lambda pair: abs(log(stature_m / wrong[pair] / _PERSON_M)))
+        got = f"{stature_m:.4g} m: the file says {says}, its lengths look like those of {has}"
+        raise FileFormatError(args.trc, "(unit)", f"a person of {low:g} to {high:g} m", got)
+    if args.stature and abs(stature_m / args.stature - 1.0) > _CONTRADICTS:
+        print(f"note: --stature {args.stature:g} m, but the lengths of the trial are those of a person of {stature_m:.2f} m")
 
 
 def _from_points(args: argparse.Namespace) -> int:
