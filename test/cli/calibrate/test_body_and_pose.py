@@ -1,5 +1,7 @@
 """The commands ``calibrate body`` and ``calibrate pose``, from files to files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from tracker_node.cli.main import main
 from tracker_node.geometry import se3
 from tracker_node.loaders.model.model_yaml import load_model
 from tracker_node.loaders.model.state_yaml import load_state
+from tracker_node.loaders.motion.c3d_file import dump_c3d
 from tracker_node.loaders.motion.trajectory_file import StateRow, StateTrajectory, write_states
 from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc, load_trc
 from tracker_node.model.configuration import Configuration, State
@@ -108,6 +111,20 @@ def test_markers_that_are_not_the_bodys_are_named(tmp_path, capsys):
     dump_trc(MarkerTrajectories(("A", "B"), np.arange(2) / 60, points, 60.0, np.ones((2, 2), bool)), tmp_path / "x.trc")
     assert main(["calibrate", "body", "--trc", str(tmp_path / "x.trc")]) == 2
     assert "x.trc" in capsys.readouterr().err
+
+
+def test_a_c3d_is_as_good_as_a_trc_and_its_subject_no_matter(trc_path, tmp_path, capsys):
+    """Every C3D was refused, and markers named Anna:LKnee were none."""
+    markers = load_trc(trc_path)
+    dump_c3d(replace(markers, names=tuple(f"Anna:{name}" for name in markers.names)), tmp_path / "static.c3d")
+    subject = tmp_path / "subject.yaml"
+    for file in (trc_path, tmp_path / "static.c3d"):
+        assert main(["calibrate", "body", "--trc", str(file), "-o", str(subject), "--force"]) == 0
+        assert "stature 1.820 m" in capsys.readouterr().out
+    assert main(["calibrate", "pose", "--model", str(subject), "--trc", str(file), "-o", str(tmp_path / "start.yaml")]) == 0
+    assert "21 landmarks" in capsys.readouterr().out
+    assert main(["calibrate", "body", "--trc", str(tmp_path / "none.c3d"), "-o", str(subject), "--force"]) == 2
+    assert "expected a readable TRC or C3D file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("says", "has"), [("m", "mm"), ("mm", "m"), ("cm", "mm")])

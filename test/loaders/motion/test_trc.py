@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tracker_node.errors import FileFormatError, UnknownNameError
-from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc, load_trc
+from tracker_node.loaders.motion.trc import MarkerTrajectories, dump_trc, load_trc, without_subject
 
 HEADER = (
     "PathFileType\t4\t(X/Y/Z)\tt.trc\n"
@@ -109,3 +109,18 @@ def test_a_real_file(shared_data):
         > heights[markers.index("RHip")]
         > heights[markers.index("RHeel")]
     )
+
+
+@pytest.mark.parametrize(
+    ("names", "short"),
+    [
+        (("Anna:LKnee", "Anna:RKnee", "*12"), ("LKnee", "RKnee", "*12")),
+        (("day:Anna:LKnee", "day:Anna:RKnee"), ("LKnee", "RKnee")),
+        (("Anna:LKnee", "Ben:LKnee"), ("Anna:LKnee", "Ben:LKnee")),
+        (("Anna:LKnee", "LKnee"), ("Anna:LKnee", "LKnee")),
+        (("Anna:LKnee", "Anna:"), ("Anna:LKnee", "Anna:")),
+        (("LKnee", "RKnee"), ("LKnee", "RKnee")),
+    ],
+)
+def test_the_only_subject_is_left_out_of_names(names, short):
+    assert without_subject(names) == short

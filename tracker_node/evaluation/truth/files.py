@@ -15,7 +15,7 @@ from ...errors import FileFormatError, TrackerError, repeated
 from ...geometry import se3, so3
 from ...loaders.csv_file import CsvTable
 from ...loaders.images.stamps import stamps_of_times_ns
-from ...loaders.motion.c3d_file import load_c3d
+from ...loaders.motion.c3d_file import load_markers
 from ...loaders.motion.trajectory_file import (
     JOINT_COLUMNS,
     LEADING_COLUMNS,
@@ -28,7 +28,6 @@ from ...loaders.motion.trajectory_file import (
     read_joints,
     read_states,
 )
-from ...loaders.motion.trc import load_trc
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import (
     ROOT_NAMES,
@@ -288,7 +287,7 @@ def load_truth(path: str | Path, y_up: bool | None = None) -> Trajectories:
     path = Path(path)
     kind = path.suffix.lower()
     if kind in (".trc", ".c3d"):
-        markers = load_c3d(path, y_up) if kind == ".c3d" else load_trc(path, y_up is not False)
+        markers = load_markers(path, y_up)
         stamps = stamps_of_times_ns(path, markers.times_s)
         names, positions, valid = markers.names, markers.positions_m, markers.valid
     elif kind == ".csv":

@@ -26,7 +26,7 @@ import numpy as np
 
 from ...errors import FileFormatError, repeated
 from ..whole_file import whole_file
-from .trc import METERS_PER_UNIT, MarkerTrajectories
+from .trc import METERS_PER_UNIT, MarkerTrajectories, load_trc, without_subject
 
 MOST_FRAMES = 65535  # that the header can count; of longer recordings TRIAL:ACTUAL_END_FIELD tells, to programs that look for it
 MOST_EVENTS = 255  # a parameter's dimensions are bytes
@@ -189,7 +189,31 @@ def load_c3d(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
     if y_up if y_up is not None else "Y" in "".join(content["y_screen"].tolist()).upper():
         positions = positions[..., [2, 0, 1]]
     first = int(content["first_frame"])
-    return MarkerTrajectories(names, (first + np.arange(len(positions))) / rate, positions, rate, valid)
+    return MarkerTrajectories(without_subject(names), (first + np.arange(len(positions))) / rate, positions, rate, valid)
+
+
+def load_markers(path: str | Path, y_up: bool | None = None) -> MarkerTrajectories:
+    """Markers of a TRC or C3D file, whichever its content is.
+
+    Parameters
+    ----------
+    path : of the file.
+    y_up : whether its axes are y up; None: a TRC file has y up, a C3D file what it says itself.
+
+    Returns
+    -------
+    Markers in meters.
+
+    Raises
+    ------
+    FileFormatError : as of `trc.load_trc` and `load_c3d`.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            is_c3d = stream.read(2)[1:] == bytes([_MAGIC]) or Path(path).suffix.lower() == ".c3d"
+    except OSError as error:
+        raise FileFormatError(path, "(file)", "a readable TRC or C3D file", error.strerror or error) from None
+    return load_c3d(path, y_up) if is_c3d else load_trc(path, y_up is not False)
 
 
 def _markers(path: str | Path, content: Mapping[str, np.ndarray], n: int) -> tuple[tuple[str, ...], list[int]]:

@@ -9,6 +9,7 @@ time step. ``inDegrees`` is for angles; lengths have no unit in the file and are
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,7 +91,14 @@ def load_trc(path: str | Path, y_up: bool = True) -> MarkerTrajectories:
     positions[~valid] = 0.0
     if y_up:
         positions = positions[..., [2, 0, 1]]
-    return MarkerTrajectories(names, times, positions, _rate(path, header, times), valid)
+    return MarkerTrajectories(without_subject(names), times, positions, _rate(path, header, times), valid)
+
+
+def without_subject(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of markers without the subject's (``Anna:LKnee``), where there is one only; those without any stay."""
+    subjects = {name.rpartition(":")[0] for name in names if ":" in name}
+    short = tuple(name.rpartition(":")[2] for name in names)
+    return tuple(names) if len(subjects) != 1 or repeated(short) or not all(short) else short
 
 
 def dump_trc(markers: MarkerTrajectories, path: str | Path, y_up: bool = True, unit: str = "m") -> None:

@@ -30,7 +30,7 @@ def _add_body_arguments(parser: argparse.ArgumentParser) -> None:
         "--replace", nargs="+", metavar="LINK=FILE", default=[],
         help="a prosthesis (URDF or model.yaml, in its own size) in the place of such a part, e.g. left_foot=prosthesis.urdf",
     )  # fmt: skip
-    parser.add_argument("--trc", metavar="FILE", help="joints or markers of a static trial")
+    parser.add_argument("--trc", metavar="FILE", help="joints or markers of a static trial, TRC or C3D")
     _add_up_arguments(parser)
     parser.add_argument(
         "--stature", type=float, metavar="M", help="height of the person in meters; with --trc it fixes the girths"
@@ -71,18 +71,19 @@ def _add_body_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
-    """``--y-up`` and ``--z-up``: the axes of a TRC file."""
+    """``--y-up`` and ``--z-up``: the axes of a file of markers."""
     up = parser.add_mutually_exclusive_group()
     up.add_argument(
-        "--y-up", dest="y_up", action="store_true", default=True, help="the TRC file has y up (OpenSim, Pose2Sim; the default)"
-    )
-    up.add_argument("--z-up", dest="y_up", action="store_false", help="the TRC file has z up and the axes of the world")
+        "--y-up", dest="y_up", action="store_true", default=None, help="the file has y up (OpenSim, Pose2Sim; the default of TRC;"
+        " C3D says it itself)",
+    )  # fmt: skip
+    up.add_argument("--z-up", dest="y_up", action="store_false", default=None, help="the file has z up and the axes of the world")
 
 
 def _run_body(args: argparse.Namespace) -> int:
     from ....calibration.body import ScalingOptions, model_stature, place_by_states, scale_to_trial
     from ....loaders.model.model_yaml import dump_model
-    from ....loaders.motion.trc import load_trc
+    from ....loaders.motion.c3d_file import load_markers
     from ....model.variants import scaled_uniformly
 
     given = args.model or args.from_run
@@ -95,7 +96,7 @@ def _run_body(args: argparse.Namespace) -> int:
         return _from_points(args)
     for option, value in _of_points(args).items():
         check(value is None, option, "--from-points beside it", str(value))
-    expected = "a TRC file, a stature with --stature, a recording with --from-points, or a run with --from-run"
+    expected = "a TRC or C3D file, a stature with --stature, a recording with --from-points, or a run with --from-run"
     check(args.trc or args.stature, "--trc", expected)
     low, high = _STATURE_M
     check(args.stature is None or low <= args.stature <= high, "--stature", f"{low:g} to {high:g} meters", args.stature)
@@ -110,10 +111,10 @@ def _run_body(args: argparse.Namespace) -> int:
     if not args.trc:
         scaled = scaled_uniformly(model, stature / model_stature(model))
     elif args.states:
-        scaled = place_by_states(model, load_trc(args.trc, args.y_up), args.states, options)
+        scaled = place_by_states(model, load_markers(args.trc, args.y_up), args.states, options)
         print(f"placed the landmarks of {model.name} by the states of {args.states}")
     else:
-        trial = load_trc(args.trc, args.y_up)
+        trial = load_markers(args.trc, args.y_up)
         try:
             fit = scale_to_trial(model, trial, options)
         except TrackerError as error:
@@ -317,7 +318,7 @@ def _print_fit(fit) -> None:
 
 def _add_pose_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", required=True, metavar="MODEL", help="model.yaml of the person")
-    parser.add_argument("--trc", required=True, metavar="FILE", help="joints or markers")
+    parser.add_argument("--trc", required=True, metavar="FILE", help="joints or markers, TRC or C3D")
     _add_up_arguments(parser)
     parser.add_argument("--row", type=int, default=0, metavar="N", help="row to fit, counted from 0 (default: %(default)s)")
     parser.add_argument("-o", "--output", default="state.yaml", metavar="FILE", help="state to write (default: %(default)s)")
@@ -329,10 +330,10 @@ def _run_pose(args: argparse.Namespace) -> int:
     from ....calibration.pose import fit_state_to_landmarks
     from ....loaders.model.model_yaml import load_model
     from ....loaders.model.state_yaml import dump_state
-    from ....loaders.motion.trc import load_trc
+    from ....loaders.motion.c3d_file import load_markers
 
     refuse_to_overwrite(args, args.output)
-    model, markers = load_model(args.model), load_trc(args.trc, args.y_up)
+    model, markers = load_model(args.model), load_markers(args.trc, args.y_up)
     if not 0 <= args.row < len(markers):
         raise FileFormatError("command line", "--row", f"a row of {args.trc}, 0 to {len(markers) - 1}", args.row)
     targets = targets_of(model, markers, args.row)
@@ -351,7 +352,7 @@ SUBVERBS = (
     Subverb(
         "body",
         "make a person's body: from the images of a recording by a detector's points, scaled to the joints of a static trial"
-        " (TRC) or to stature, or fitted to the images of a run",
+        " (TRC, C3D) or to stature, or fitted to the images of a run",
         "tracker_node calibrate body --from-points rig.yaml -o person.yaml\n"
         "  tracker_node calibrate body --trc static.trc --y-up -o scaled.yaml\n"
         "  tracker_node track --rig rig.yaml --model scaled.yaml --initial-state start.yaml --output out/run1\n"
@@ -361,7 +362,7 @@ SUBVERBS = (
     ),
     Subverb(
         "pose",
-        "pose a body to one row of a TRC file: a first state to track from",
+        "pose a body to one row of a TRC or C3D file: a first state to track from",
         "tracker_node calibrate pose --model person.yaml --trc joints.trc --y-up --row 0 -o start.yaml",
         _add_pose_arguments,
         _run_pose,
