@@ -265,6 +265,13 @@ def test_coordinates_that_were_exported_are_truth(files, tmp_path):
     assert figures["run.joint_angle_deg"] == pytest.approx(0.0, abs=1e-4)
 
 
+def test_names_of_the_truth_that_are_no_landmarks_are_said(files, tmp_path, capsys):
+    (tmp_path / "truth.csv").write_text((files / "truth.csv").read_text().replace("left_knee", "LKNE"))
+    more = ["--model", str(files / "model.yaml"), "--no-pdf", "--pictures", "0", "--output", str(tmp_path)]
+    assert main(["evaluate", str(files / "run"), "--truth", str(tmp_path / "truth.csv"), *more]) == 0
+    assert "run: 1 of 14 markers are no landmarks of the body: LKNE\n" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("has_joints", [True, False])
 def test_an_export_whose_first_sets_were_lost_is_the_same_run(files, tmp_path, capsys, has_joints):
     tracked, model = motion(N), ["--model", str(files / "model.yaml")]

@@ -64,7 +64,7 @@ SEGMENTS: tuple[Segment, ...] = (
     ),
 )
 # Lengths that add up to the stature, so that what a detector takes from one of them and gives to the next cancels.
-_SIZE_SEGMENTS = ("trunk", "shoulders to head", "left_thigh", "right_thigh", "left_shank", "right_shank")
+SIZE_SEGMENTS = ("trunk", "shoulders to head", "left_thigh", "right_thigh", "left_shank", "right_shank")
 
 
 @dataclass(frozen=True)
@@ -349,7 +349,7 @@ def _reference_lengths(model: ArticulatedModel, names: Collection[str]) -> dict[
 
 def _size_of_lengths(model: ArticulatedModel, measured: Mapping[str, float]) -> float:
     reference = _reference_lengths(model, measured)
-    used = [name for name in _SIZE_SEGMENTS if name in measured] or list(measured)
+    used = [name for name in SIZE_SEGMENTS if name in measured] or list(measured)
     # A leg counts half where both are there, so that legs and trunk weigh as they do in the stature.
     weight = {name: 0.5 if mirrored_name(name) in used and mirrored_name(name) != name else 1.0 for name in used}
     return sum(weight[n] * measured[n] for n in used) / sum(weight[n] * reference[n] for n in used)

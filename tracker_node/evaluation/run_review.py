@@ -16,6 +16,7 @@ from ..loaders.model.model_yaml import load_model
 from ..loaders.recording_yaml import EvaluateEntry
 from ..loaders.rig.rig_yaml import load_rig
 from ..model.articulated import ArticulatedModel
+from ..model.humans.measures import unused_markers
 from ..runs.data import RunData
 from ..runs.images import file_of, first_image_of, rig_of_run
 from ..runs.load import body_of_run, is_run, load_run
@@ -89,7 +90,10 @@ def review_run(files: RunFiles, tell: Callable[[str], None]) -> Review:
     truth = ", ".join(files.truth) or "none"
     sources = {"run": files.run, "truth": truth, "model": model_path, "rig": rig_path or "not given"}
     options = replace(files.options, first_image=first_image)
-    found = review(tracked, model, truth_of(files.truth, files.y_up, model), options, sources)
+    known = truth_of(files.truth, files.y_up, model)
+    if known.joints is not None and (said := unused_markers(known.joints.names, model.landmark_names)):
+        tell(f"{files.options.name}: {said}")
+    found = review(tracked, model, known, options, sources)
     for doubt in found.problems:
         tell(f"{files.options.name}: {doubt}")
     shown = ReviewOptions(files.pictures, first_image=first_image)

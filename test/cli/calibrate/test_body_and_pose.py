@@ -127,6 +127,18 @@ def test_a_c3d_is_as_good_as_a_trc_and_its_subject_no_matter(trc_path, tmp_path,
     assert "expected a readable TRC or C3D file" in capsys.readouterr().err
 
 
+def test_markers_that_are_not_understood_are_named(trc_path, tmp_path, capsys):
+    """Joint centers of Plug-in Gait are known; its markers on the skin are not, and were left out without a word."""
+    text = trc_path.read_text().replace("LHip", "LHJC").replace("RHip", "RHJC").replace("LKnee", "LKNE")
+    trc_path.write_text(text)
+    assert main(["calibrate", "body", "--trc", str(trc_path), "-o", str(tmp_path / "a.yaml")]) == 0
+    said = capsys.readouterr().out
+    assert "note: 1 of 21 markers are no landmarks of the body: LKNE\n" in said and "right_thigh" in said
+    trc_path.write_text(text.replace("HJC", "ASI").replace("Head", "FHD").replace("Knee", "KNE"))
+    assert main(["calibrate", "body", "--trc", str(trc_path), "-o", str(tmp_path / "a.yaml"), "--force"]) == 0
+    assert "the person's size is a guess (--stature)" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(("says", "has"), [("m", "mm"), ("mm", "m"), ("cm", "mm")])
 def test_a_trial_in_another_unit_is_no_person(trc_path, tmp_path, capsys, says, has):
     """It made a body of 1810 m, or of 2 mm."""

@@ -6,7 +6,7 @@ import pytest
 
 from tracker_node.calibration.body import model_stature
 from tracker_node.model.humans.human import gait_human
-from tracker_node.model.humans.measures import HumanMeasures
+from tracker_node.model.humans.measures import HumanMeasures, unused_markers
 
 
 def test_lengths_add_up_to_shares_of_stature():
@@ -72,3 +72,9 @@ def test_a_child_has_a_childs_head_and_its_stature():
         assert model_stature(gait_human(HumanMeasures.of_child(stature))) == pytest.approx(stature, abs=2e-3)
     with pytest.raises(ValueError, match="child's stature"):
         HumanMeasures.of_child(0.5)
+
+
+def test_of_many_markers_that_are_no_landmarks_ten_are_named():
+    assert unused_markers(("LKJC", "RShoulder", "head"), ("left_knee", "right_shoulder", "head")) == ""
+    said = unused_markers([f"M{i}" for i in range(12)], ("head",))
+    assert said.startswith("12 of 12 markers") and said.endswith("M8, M9 and 2 more")

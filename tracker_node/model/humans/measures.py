@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 
 SURVEY_STATURE = 1.756  # meters, mean of the men of the 1988 survey
@@ -143,9 +143,36 @@ LANDMARK_OF_MARKER: dict[str, str] = {
 MARKER_OF_LANDMARK: dict[str, str] = {landmark: marker for marker, landmark in LANDMARK_OF_MARKER.items()}
 
 
+_OF_JOINT_CENTER = {  # of Plug-in Gait, whose LKNE and LANK are on the skin
+    f"{side}{letter}JC": f"{name}_{joint}"
+    for side, name in (("L", "left"), ("R", "right"))
+    for letter, joint in zip("SEWHKA", ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"), strict=True)
+}
+_MOST_NAMES = 10
+
+
 def landmark_of_marker(marker: str) -> str:
-    """Landmark of a marker; a marker that is not in the table keeps its own name."""
-    return LANDMARK_OF_MARKER.get(marker, marker)
+    """Landmark of a marker; a marker that is not in the tables keeps its own name."""
+    return LANDMARK_OF_MARKER.get(marker) or _OF_JOINT_CENTER.get(marker, marker)
+
+
+def unused_markers(markers: Sequence[str], landmarks: Collection[str]) -> str:
+    """A sentence on the markers that are no landmarks, or nothing.
+
+    Parameters
+    ----------
+    markers : names in a file.
+    landmarks : of the body.
+
+    Returns
+    -------
+    Sentence, with the first ten names.
+    """
+    unknown = [name for name in markers if landmark_of_marker(name) not in landmarks]
+    if not unknown:
+        return ""
+    more = f" and {len(unknown) - _MOST_NAMES} more" * (len(unknown) > _MOST_NAMES)
+    return f"{len(unknown)} of {len(markers)} markers are no landmarks of the body: {', '.join(unknown[:_MOST_NAMES])}{more}"
 
 
 # The side in a name: left_knee, knee_L, knee.right; or leftKnee, LKnee, kneeLeft

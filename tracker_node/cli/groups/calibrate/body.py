@@ -84,6 +84,7 @@ def _run_body(args: argparse.Namespace) -> int:
     from ....calibration.body import ScalingOptions, model_stature, place_by_states, scale_to_trial
     from ....loaders.model.model_yaml import dump_model
     from ....loaders.motion.c3d_file import load_markers
+    from ....model.humans.measures import unused_markers
     from ....model.variants import scaled_uniformly
 
     given = args.model or args.from_run
@@ -115,12 +116,14 @@ def _run_body(args: argparse.Namespace) -> int:
         print(f"placed the landmarks of {model.name} by the states of {args.states}")
     else:
         trial = load_markers(args.trc, args.y_up)
+        if said := unused_markers(trial.names, model.landmark_names):
+            print(f"note: {said}")
         try:
             fit = scale_to_trial(model, trial, options)
         except TrackerError as error:
             raise FileFormatError(args.trc, "markers", "joints of the body", str(error)) from error
         scaled = fit.model
-        _check_size(args, fit.trial_size * model_stature(whole))
+        _check_size(args, fit, fit.trial_size * model_stature(whole))
         _print_fit(fit)
         if not args.asymmetric:
             for name, meters in fit.differing.items():
@@ -132,10 +135,11 @@ def _run_body(args: argparse.Namespace) -> int:
     return 0
 
 
-def _check_size(args: argparse.Namespace, stature_m: float) -> None:
+def _check_size(args: argparse.Namespace, fit, stature_m: float) -> None:
     """Whether the lengths of a trial are those of a person, and of the one whose stature is given."""
     from math import log
 
+    from ....calibration.body import SIZE_SEGMENTS
     from ....loaders.motion.trc import METERS_PER_UNIT
 
     low, high = _STATURE_M
@@ -144,6 +148,8 @@ def _check_size(args: argparse.Namespace, stature_m: float) -> None:
         has, says = min(wrong, key=lambda pair: abs(log(stature_m / wrong[pair] / _PERSON_M)))
         got = f"{stature_m:.4g} m: the file says {says}, its lengths look like those of {has}"
         raise FileFormatError(args.trc, "(unit)", f"a person of {low:g} to {high:g} m", got)
+    if not args.stature and not any(segment.name in SIZE_SEGMENTS for segment in fit.segments):
+        print("note: the trial has neither trunk nor thighs nor shanks: the person's size is a guess (--stature)")
     if args.stature and abs(stature_m / args.stature - 1.0) > _CONTRADICTS:
         print(f"note: --stature {args.stature:g} m, but the lengths of the trial are those of a person of {stature_m:.2f} m")
 
