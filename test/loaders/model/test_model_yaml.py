@@ -239,3 +239,13 @@ def test_any_body_comes_back_from_its_file(tmp_path_factory, model):
     path = tmp_path_factory.mktemp("model") / "m.yaml"
     dump_model(model, path)
     assert_same(load_model(path), model, 1e-11)
+
+
+def test_limits_in_radians_are_refused(model_path):
+    """As degrees they let no joint move."""
+    text = MODEL.replace("limits_deg: [-90, 90], neutral_deg: 10", "limits_deg: [-1.57, 1.57]").replace("[-150, 0]", "[-2.6, 0]")
+    model_path.write_text(text)
+    assert len(load_model(model_path).chain.axes) == 3  # of two with limits nobody can tell
+    model_path.write_text(text.replace("{name: roll,", "{name: roll, limits_deg: [-3.14, 3.14],"))
+    with pytest.raises(FileFormatError, match=r"expected degrees, got 'limits of at most 3\.14, which are radians'"):
+        load_model(model_path)

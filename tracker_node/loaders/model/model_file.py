@@ -39,6 +39,9 @@ Meters = Annotated[tuple[float, float], checked("[lower, upper] in meters with l
 RingSpacing = Annotated[float, checked("a number >= 0.001 (meters)", lambda v: is_number(v) and v >= 0.001, float)]
 
 
+_TELLING_AXES, _RADIANS = 3, 6.5  # as many axes that all turn by less, a whole turn in radians
+
+
 class MimicEntry(FileModel):
     """Position = multiplier * that of the leading axis + offset, in radians and meters but for ``offset_deg``."""
 
@@ -262,10 +265,19 @@ class ModelFile(FileModel):
                     raise problem(f"a link, one of {sorted(self.links)}", link, f"{kind}.{field}")
         self._check_tree()
         self._check_axis_names()
+        self._check_limits()
         moving = sorted(name for name, joint in self.joints.items() if joint.axes)
         if self.symmetric and moving:
             raise problem("false of a body with joints: only things may be found in another turn", moving, "symmetric")
         return self
+
+    def _check_limits(self) -> None:
+        """No body has only joints that hardly turn, but many a file has radians."""
+        axes = [axis for joint in self.joints.values() for axis in joint.axes]
+        stated = [axis.limits_deg for axis in axes if "limits_deg" in axis.model_fields_set]
+        largest = max((max(map(abs, limits)) for limits in stated), default=0.0)
+        if len(stated) >= _TELLING_AXES and largest < _RADIANS:
+            raise problem("degrees", f"limits of at most {largest:g}, which are radians", "joints.limits_deg")
 
     def _check_tree(self) -> None:
         parent_of: dict[str, str] = {}
