@@ -54,9 +54,9 @@ def test_millimetres_are_noticed_and_can_be_said(rig_path, tmp_path, capsys):
         if line.startswith("translation"):
             lines[i] = "translation = " + str([1000.0 * v for v in json.loads(line.split("=")[1])])
     (tmp_path / "mm.toml").write_text("\n".join(lines))
-    assert main(["rig", "import", str(tmp_path / "mm.toml"), "-o", str(tmp_path / "back.yaml")]) == 0
-    assert "say --unit mm" in capsys.readouterr().out
-    assert main(["rig", "import", str(tmp_path / "mm.toml"), "--unit", "mm", "-o", str(tmp_path / "back.yaml"), "--force"]) == 0
+    assert main(["rig", "import", str(tmp_path / "mm.toml"), "-o", str(tmp_path / "back.yaml")]) == 2
+    assert "say their unit: --unit mm" in capsys.readouterr().err
+    assert main(["rig", "import", str(tmp_path / "mm.toml"), "--unit", "mm", "-o", str(tmp_path / "back.yaml")]) == 0
     assert "--unit mm" not in capsys.readouterr().out
     np.testing.assert_allclose(load_rig(tmp_path / "back.yaml")["cam1"].center, load_rig(rig_path)["cam1"].center, atol=1e-9)
 
