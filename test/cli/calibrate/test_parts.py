@@ -53,8 +53,8 @@ def test_lenses_are_refined_unless_they_are_kept():
 
 def test_defaults_of_the_commands():
     args = parsed("body")
-    assert (args.joint_sigma_mm, args.y_up, args.sets, args.output) == (None, True, 20, "person.yaml")
-    assert not parsed("body", "--z-up").y_up
+    assert (args.joint_sigma_mm, args.y_up, args.sets, args.output) == (None, None, 20, "person.yaml")
+    assert parsed("body", "--z-up").y_up is False and parsed("body", "--y-up").y_up
     assert parsed("intrinsics", "--videos", "a.mp4", *BOARD).views == 80
     assert parsed("background", "--rig", "r.yaml").images == 25
 
