@@ -153,6 +153,16 @@ def test_image_sets_are_counted_once_in_which_people_are_seen_but_not_the_body()
         assert made.denied_sets(9) == 0
 
 
+@pytest.mark.parametrize("scores", [0.0, 0.02])
+def test_somebody_of_whom_no_point_was_found_is_not_seen(scores):
+    """Detectors of a single animal send it in every image, hidden or not, with points that were not found."""
+    made = choice()
+    for n, person in enumerate([(), *seen_by(RIG, standing(2.0, 0.0, 0.0))]):
+        people = [(replace(person, scores=np.full(len(NAMES), scores)),) if person else () for _ in RIG.names]
+        assert made.choose(people, TRUE) == [None] * 3
+        assert made.denied_sets(n) == 0
+
+
 def test_a_camera_that_was_not_looked_at_keeps_what_is_known_of_its_sides():
     rig = replace(RIG, cameras=RIG.cameras[:1])
     made, person = choice(rig=rig), true_people()[0]

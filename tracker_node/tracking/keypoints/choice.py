@@ -17,6 +17,7 @@ from .start import PointStart
 _EXPECTED_M = 0.10  # how far from where they are expected points of a person are, as a standard deviation
 _OUTLIER = 0.15  # fraction of points that are anywhere
 _LEAST = 2.0  # log-likelihood ratio, a point that is sure, of the body against anybody
+_SOMEBODY = 1.0  # points of the body's that somebody has at least, as the sum of their scores
 _SWAP_PRIOR = -2.0  # log odds of a swap before anything has been seen, a person
 _SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from set to set
 # In a camera that is alone: log-likelihood ratio at most of points that jump from side to side, and log odds in each image of the
@@ -73,7 +74,7 @@ class PersonChoice(Choice):
             self._alone_sets = 0
         elif all(looked):
             self._alone_sets += 1
-        self._denies = any(people) and not any(chosen)
+        self._denies = not any(chosen) and any(self._is_somebody(person) for persons in people for person in persons or ())
         return self._with_pairs(self._as_found(chosen), places)
 
     def _as_found(self, chosen: list[Person | None]) -> list[Person | None]:
@@ -85,6 +86,10 @@ class PersonChoice(Choice):
         return [
             mirrored(person) if person is not None and self._swaps[i] > 0.0 else person for i, person in enumerate(chosen)
         ]
+
+    def _is_somebody(self, person: Person) -> bool:
+        """Whether points were found at all: detectors of one body alone send it in every image, where it is not seen without any."""
+        return float(person.scores[rows_of(person.names, self._modality.names)].sum()) >= _SOMEBODY
 
     def denied_sets(self, stamp_ns: int) -> int:
         """Image sets in a row until now in which somebody was seen, and nobody was the body."""
