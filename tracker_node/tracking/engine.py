@@ -455,6 +455,8 @@ def _denied(assessment: Assessment) -> Assessment:
     if assessment.status is Status.LOST:
         return assessment
     reason = "people are seen, but nobody where the body is"
+    if assessment.status is Status.TRACKING:  # it, or the detector, is wrong in every camera
+        reason += ", though its outline fits: are names and cameras of the points right?"
     limbs = tuple(
         replace(limb, status=LimbStatus.DEGRADED, reason=reason) if limb.status is LimbStatus.TRACKING else limb
         for limb in assessment.limbs
