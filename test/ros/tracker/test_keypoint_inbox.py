@@ -234,3 +234,36 @@ def test_points_that_cannot_be_used_are_said_to_be(build):
     bench.put(1)
     bench.node._keypoints.report()
     bench.probe.spin_until(lambda: bench.said.level == DiagnosticStatus.OK, "no warning")
+
+
+def test_points_that_come_and_are_never_used_are_said_to_be_and_why(build, monkeypatch):
+    """Their stamps stay 0: the first matches no image, and the others are of an image that had some."""
+    monkeypatch.setattr(keypoint_inbox, "_SILENT_S", 0.4)
+    bench = build()
+    for i in range(100, 600):
+        bench.put(0)
+        bench.track(i)
+        bench.node._keypoints.report()
+        if bench.said.message.startswith("points come, but none was used"):
+            break
+    assert bench.said.level == DiagnosticStatus.WARN and "their stamps do not change" in bench.said.message
+    for i in range(600, 603):
+        bench.put(i)
+        assert used(bench.track(i))
+    bench.node._keypoints.report()
+    bench.probe.spin_until(lambda: bench.said.level == DiagnosticStatus.OK, "no warning")
+
+
+def test_people_without_any_point_are_told_when_it_lasts(build, monkeypatch):
+    monkeypatch.setattr(keypoint_inbox, "_SILENT_S", 0.4)
+    bench = build()
+    person = points("cam1", 0).persons[0]
+    person.scores = [0.0] * len(NAMES)
+    for i in range(1, 500):
+        bench.put(i, persons=[person])
+        bench.track(i)
+        bench.node._keypoints.report()
+        if bench.said.level == DiagnosticStatus.WARN:
+            break
+    assert bench.said.message.startswith("people come without a point that was found")
+    assert i > 1 and not bench.node._keypoints.refused

@@ -64,12 +64,17 @@ class PointMatching:
     Parameters
     ----------
     image_period_s : between two images of a camera, which stamps of points may be off where an image was lost.
+
+    Attributes
+    ----------
+    sets : image sets that asked for points.
     """
 
     def __init__(self, image_period_s: float):
         self._tolerance_ns = round(1e9 * image_period_s)
         self._lock = threading.Condition()
         self._lanes: dict[str, _Lane] = {}
+        self.sets = 0
 
     def counts(self) -> dict[str, Counter[str]]:
         """Camera -> what became of its points, and how many wait."""
@@ -159,6 +164,7 @@ class PointMatching:
         With people in some of its images.
         """
         with self._lock:
+            self.sets += 1
             return replace(image_set, images=tuple(map(self._attached, image_set.images)))
 
     def _attached(self, image: CameraImage) -> CameraImage:
@@ -197,6 +203,13 @@ class PointMatching:
 
 MOST_BYTES = 64 * 2**20  # of one message; sixteen people in an image of 12 megapixels have less
 _SILENT_S = 10.0  # without any points, which a detector at 1 Hz never is
+_UNUSED = {  # why none of the points that come are used
+    OVERTAKEN: "later ones were there first",
+    TOO_OLD: f"they come more than {MOST_LATE_S:g} s after their images",
+    DUPLICATE: "their stamps do not change, or are of images that had some",
+    UNMATCHED: "no image has their stamps",
+}
+_RECEIVED, _SETS, _NONE_FOUND = "received", "sets", "none found"
 PART = "keypoints"  # of /diagnostics
 
 
@@ -213,7 +226,7 @@ class KeypointInbox:
 
     Attributes
     ----------
-    received, refused : camera -> messages.
+    received, refused, none_found : camera -> messages; those with people of whom no point can be used.
     """
 
     def __init__(
@@ -224,16 +237,18 @@ class KeypointInbox:
         self._subscriptions: dict[str, Subscription] = {}
         self._problems: dict[str, str] = {}  # camera -> why its latest message was refused
         self._noted: set[str] = set()
-        self._before: Counter[str] = Counter()
+        self._recent: deque[tuple[float, Counter[str]]] = deque()  # when, and all counts then, over `_SILENT_S`
         self._received_before, self._before_s = 0, time.monotonic()
         self._last_s = time.monotonic()
         self.received: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
+        self.none_found: Counter[str] = Counter()
 
     def subscribe(self, cameras: Collection[str]) -> None:
         """Listen to detectors of these cameras and of no others."""
         if cameras and not self._subscriptions:
             self._last_s = time.monotonic()
+            self._recent.clear()
         for camera in [name for name in self._subscriptions if name not in cameras]:
             self._node.destroy_subscription(self._subscriptions.pop(camera))
         for camera in cameras:
@@ -264,6 +279,7 @@ class KeypointInbox:
             self._tell_once(camera, str(error), error.problem)
             return
         self._problems.pop(camera, None)
+        self.none_found[camera] += bool(detected.people) and not any(np.any(person.scores > 0.0) for person in detected.people)
         if _are_useless(message, detected.people):
             problem = "keypoints: no point can be used: expected finite pixels, covariances that are some, and scores from 0 to 1"
             self._problems[camera] = f"camera '{camera}': {problem}"
@@ -289,9 +305,10 @@ class KeypointInbox:
         self._received_before, self._before_s = self.received.total(), now
         values: dict[str, object] = {"messages per second": rate, "received": self.received.total()}
         values |= {reason: total[reason] for reason in (*REASONS, "waiting")} | {"refused": self.refused.total()}
-        new, self._before = total - self._before, total
+        total.update({_RECEIVED: self.received.total(), _SETS: self.matching.sets, _NONE_FOUND: self.none_found.total()})
+        new = total - self._recent[-1][1] if self._recent else total
         level, said = OK, "used"
-        problems = self.matching.problems()
+        problems, unused = self.matching.problems(), self._unused(now, total)
         if self._problems:
             level, said = WARN, next(iter(self._problems.values()))
         elif problems and new[UNMATCHED]:
@@ -299,9 +316,26 @@ class KeypointInbox:
             level, said = WARN, f"camera '{camera}': {problem}"
         elif now - self._last_s > _SILENT_S:
             level, said = WARN, f"no points come on {next(iter(self._subscriptions))}/keypoints: a detector has to run"
+        elif unused:
+            level, said = WARN, unused
         elif not total[IN_TIME] + total[LATE]:
             said = "waiting for points"
         self._diagnostics.report(PART, level, said, values)
+
+    def _unused(self, now_s: float, total: Counter[str]) -> str:
+        """Why messages have been of no use for `_SILENT_S`; empty where they were, or nothing asked for points."""
+        self._recent.append((now_s, total))
+        while len(self._recent) > 1 and self._recent[1][0] <= now_s - _SILENT_S:
+            self._recent.popleft()
+        then_s, before = self._recent[0]
+        new = total - before
+        if now_s - then_s < _SILENT_S or not (new[_RECEIVED] and new[_SETS]):
+            return ""
+        if new[_NONE_FOUND] == new[_RECEIVED]:
+            return f"people come without a point that was found for {_SILENT_S:.0f} s: scores of 0, or covariances that are none"
+        reason = max(_UNUSED, key=lambda reason: new[reason])
+        used = new[IN_TIME] + new[LATE] or not new[reason]
+        return "" if used else f"points come, but none was used for {_SILENT_S:.0f} s: {_UNUSED[reason]} ({reason} {new[reason]})"
 
     def rest(self) -> None:
         """Points are not among the modalities any more."""
