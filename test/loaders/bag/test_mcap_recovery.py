@@ -143,6 +143,21 @@ def test_a_chunk_that_breaks_off_is_read_as_far_as_it_goes(path):
         assert len(contents.problems) == 1 and contents.problems[0].endswith(said)
 
 
+@pytest.mark.parametrize("more", [0, 3, 9, 40])
+def test_a_file_that_grows_meanwhile_is_read_as_far_as_it_was(path, more):
+    """Its recorder still writes; when it was opened it ended between two records, or within the head or the body of one."""
+    size = written(path, finish=False)[2] + more
+    whole = path.read_bytes()
+    path.write_bytes(whole[:size])
+    contents = FileContents()
+    numbers = []
+    for message in scan(path, contents):
+        numbers.append(message.stamp_ns - 100)
+        path.write_bytes(whole)
+    assert numbers == [0, 1, 2, 3]
+    assert len(contents.problems) == 1 and contents.problems[0].startswith("the file breaks off")
+
+
 def test_a_compressed_chunk_that_breaks_off_is_left_out(path):
     offsets = written(path, "zstd", finish=False)
     path.write_bytes(path.read_bytes()[: offsets[2] + 60])

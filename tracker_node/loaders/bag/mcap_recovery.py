@@ -138,7 +138,7 @@ def _scan_records(stream: BinaryIO, size: int, contents: FileContents) -> Iterat
     chunks = _indexed_chunks(stream, size, contents)
     while True:
         at = stream.tell()
-        head = stream.read(_RECORD_HEAD.size)
+        head = stream.read(min(_RECORD_HEAD.size, size - at))  # what is written meanwhile is left for another time
         opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, 0)
         known = 0 < opcode <= Opcode.DATA_END or opcode >= _FIRST_PRIVATE
         if contents.indexed and (not known or length > size - stream.tell()):
