@@ -5,9 +5,11 @@ import pytest
 
 from helpers.bodies.stick_person import Motion, motion, write_run, write_state_bag
 from tracker_node.errors import FileFormatError, UnknownNameError
+from tracker_node.loaders.bag.message_types import stamp_ns_of
+from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.motion.trajectory_file import CovariancesWriter
 from tracker_node.runs.images import file_of
-from tracker_node.runs.load import bag_of_run, file_of_run, is_run, load_run
+from tracker_node.runs.load import bag_of_run, file_of_run, is_run, load_run, run_of_messages, state_messages
 from tracker_node.tracking.estimate import Status
 
 
@@ -31,6 +33,24 @@ def test_states_of_a_bag_in_order_of_stamps(tmp_path, inside):
     assert run.cameras == ("cam01", "cam02")
     assert run.camera_residuals[:, 1].tolist() == [3.0, 4.0] * 3
     assert run.configuration(tracked.model, 5).landmarks_world == pytest.approx(tracked.landmarks_m[5], abs=1e-9)
+
+
+def test_cameras_that_were_taken_out_of_use_meanwhile_have_no_figures_then(tmp_path):
+    """``ros2 param set /tracker cameras`` while a recorder runs."""
+    with BagReader(write_state_bag(tmp_path / "bag", motion(6), cameras=("cam01", "cam02", "cam03"))) as reader:
+        messages = sorted(state_messages(reader, "/person/state"), key=lambda message: stamp_ns_of(message.header.stamp))
+    for message, kept in zip(messages[:3], ([1], [0, 2], [1]), strict=True):
+        message.cameras = [message.cameras[k] for k in kept]
+        message.camera_residuals, message.camera_samples = message.camera_residuals[kept], message.camera_samples[kept]
+    run = run_of_messages(tmp_path / "bag", "/person/state", messages, {})
+    assert run.cameras == ("cam01", "cam02", "cam03")
+    assert run.camera_residuals.tolist() == [
+        *([0.0, 3.0, 0.0], [3.0, 0.0, 5.0], [0.0, 3.0, 0.0], [3.0, 4.0, 5.0], [2.0, 3.0, 4.0], [3.0, 4.0, 5.0])
+    ]
+    assert run.camera_samples[:2].tolist() == [[0, 25, 0], [25, 0, 25]]
+    messages[4].dof_names = [*messages[4].dof_names[:-1], "another"]
+    with pytest.raises(FileFormatError, match=rf"one body throughout, got 'other dof_names at {run.stamps_ns[4]} ns"):
+        run_of_messages(tmp_path / "bag", "/person/state", messages, {})
 
 
 def test_figures_per_camera_come_from_the_bag_beside_the_states(tmp_path):

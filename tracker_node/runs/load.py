@@ -189,18 +189,20 @@ def run_of_messages(path: Path, topic: str, messages: Sequence[Any], covariances
 
     Returns
     -------
-    run : in the order of the stamps.
+    run : in the order of the stamps, with every camera that was in use at some time.
 
     Raises
     ------
-    FileFormatError : the body, its limbs or the cameras change.
+    FileFormatError : the body or its limbs change.
     """
     first = messages[0] if messages else None
     dof_names = tuple(first.dof_names) if first else ()
-    cameras = tuple(first.cameras) if first else ()
     for message in messages:
-        if tuple(message.dof_names) != dof_names or tuple(message.cameras) != cameras:
-            raise FileFormatError(path, topic, "one body and one rig throughout", "a change within the bag")
+        if tuple(message.dof_names) != dof_names:
+            at = f"other dof_names at {stamp_ns_of(message.header.stamp)} ns"
+            raise FileFormatError(path, topic, "one body throughout", at)
+    used = sorted(dict.fromkeys(tuple(message.cameras) for message in messages), key=len, reverse=True)  # most of them first
+    cameras = tuple(dict.fromkeys(name for names in used for name in names))
     n = len(messages)
     run = RunData(
         path=path,
@@ -211,12 +213,18 @@ def run_of_messages(path: Path, topic: str, messages: Sequence[Any], covariances
         residual=np.array([m.residual for m in messages], dtype=np.float64),
         iterations=np.array([m.iterations for m in messages], dtype=int),
         cameras=cameras,
-        camera_residuals=np.array([m.camera_residuals for m in messages], dtype=np.float64).reshape(n, len(cameras)),
-        camera_samples=np.array([m.camera_samples for m in messages], dtype=int).reshape(n, len(cameras)),
+        camera_residuals=_by_camera(messages, cameras, "camera_residuals", np.float64),
+        camera_samples=_by_camera(messages, cameras, "camera_samples", np.int64),
         residual_unit=next(filter(None, (str(m.residual_unit) for m in messages)), PX),
         details=_details(path, messages, covariances, len(dof_names)),
     )
     return _in_order(run)
+
+
+def _by_camera(messages: Sequence[Any], cameras: Sequence[str], field: str, dtype: type[np.generic]) -> np.ndarray:
+    """(n, c) of a field with one number for each camera; 0 while a camera was not in use."""
+    rows = [dict(zip(message.cameras, getattr(message, field), strict=True)) for message in messages]
+    return np.array([[row.get(name, 0) for name in cameras] for row in rows], dtype).reshape(len(rows), len(cameras))
 
 
 def state_messages(reader: BagReader, topic: str) -> list[Any]:
