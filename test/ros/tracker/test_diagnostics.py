@@ -3,12 +3,14 @@
 from itertools import pairwise
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
 from tracker_node.ros.diagnostics import OK, WARN
 from tracker_node.ros.tracker.diagnostics import LeftOut, TrackerDiagnostics, unobservable_in_short
+from tracker_node.tracking.config import TrackerConfig
 
 
 @pytest.mark.parametrize("pattern", [[2, 0], [1, 0, 0], [3, 3, 0], [0, 0, 0, 6]])
@@ -50,3 +52,20 @@ def test_a_camera_whose_stamps_go_back_alone_is_named():
     assert clock() == (OK, "stamps go forward")
     counters["cam2"]["clock_jump"], formation.clock_jumps = 3, 1
     assert clock() == (WARN, "stamps went back: tracking has begun again")
+
+
+@pytest.mark.parametrize(
+    ("period_ms", "takes_ms", "said"), [(33, 50, "the 33 ms"), (100, 50, ""), (100, 120, "the 100 ms"), (20, 30, "the 20 ms")]
+)
+def test_an_image_set_that_takes_too_long_is_judged_by_the_time_between_the_sets_that_come(period_ms, takes_ms, said):
+    """Also where some are missing, and whatever period is configured."""
+    told = {}
+    diagnostics = TrackerDiagnostics(SimpleNamespace(report=lambda part, *status: told.update({part: status})), None)
+    stamps_ns = np.delete(np.arange(60) * period_ms * 1_000_000, [7, 8, 9, 30]).tolist()
+    worker = SimpleNamespace(formed_ns=stamps_ns, config=TrackerConfig(), lossless=False)
+    for _ in range(30):
+        diagnostics._latency_ms.append(60.0)
+        diagnostics._processing_ms.append(takes_ms)
+    diagnostics._report_times(worker)
+    level, message, _ = told["latency"]
+    assert level == (WARN if said else OK) and said in message

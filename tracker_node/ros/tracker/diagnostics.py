@@ -174,8 +174,10 @@ class TrackerDiagnostics:
             values |= {"latency p50 [ms]": latency[0], "latency p95 [ms]": latency[1]}
             if len(self._latency_ms) >= _ENOUGH and latency[1] > 1e3 * config.queue_s:
                 level, said = WARN, f"results come more than {config.queue_s:g} s after their images"
-        if not worker.lossless and len(self._processing_ms) >= _ENOUGH and processing[0] > 1e3 * config.image_period_s:
-            level, said = WARN, f"an image set takes longer than the {1e3 * config.image_period_s:.0f} ms from one to the next"
+        stamps_ns = list(worker.formed_ns)
+        period_ms = 1e-6 * float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > _ENOUGH else 1e3 * config.image_period_s
+        if not worker.lossless and len(self._processing_ms) >= _ENOUGH and processing[0] > period_ms:
+            level, said = WARN, f"an image set takes longer than the {period_ms:.0f} ms from one to the next"
         self._diagnostics.report("latency", level, said, values)
 
     def _report_sets(self, worker: TrackingWorker) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -25,6 +26,7 @@ from .image_inbox import ImageInbox, Received
 from .keypoint_inbox import PointMatching
 from .setup import INACTIVE, PAUSED, UNCALIBRATED, StartRequests, TrackingSetup, WorkerCounts
 
+_FORMED = 60  # image sets of which the time from one to the next is known
 _AT_ONCE = 4  # image sets that may wait in a graph that is watched live: a search takes as long as three, 0.1 s at 30 Hz
 _AT_ONCE_MS = 100.0  # or as many as take so long: those that have waited for a camera that stopped come together
 
@@ -52,6 +54,7 @@ class TrackingWorker:
     step_ms : that the latest image set took, all bodies together.
     at_work_since_s : steady time at which the image set at work was begun; None while there is none.
     paused : images are counted, and not used.
+    formed_ns : stamps of the latest image sets, those left out among them.
     """
 
     def __init__(
@@ -82,6 +85,7 @@ class TrackingWorker:
         self.estimates: Mapping[str, TrackEstimate] = {}
         self.paused, self.step_ms = False, 0.0
         self.at_work_since_s: float | None = None
+        self.formed_ns: deque[int] = deque(maxlen=_FORMED)
 
     @property
     def lossless(self) -> bool:
@@ -237,7 +241,9 @@ class TrackingWorker:
 
     def _formed(self, received: list[Received]) -> list[ImageSet]:
         images = (self._usable(item) for item in received)
-        return [image_set for image in images if image is not None for image_set in self.formation.add(image)]
+        sets = [image_set for image in images if image is not None for image_set in self.formation.add(image)]
+        self.formed_ns.extend(image_set.stamp_ns for image_set in sets)
+        return sets
 
     def _beyond_waiting(self) -> list[Received]:
         """Images that are too many to wait for lenses: all but the newest; where nothing may be lost, those beyond the limit."""
