@@ -11,13 +11,13 @@ from launch_ros.actions import Node
 
 from tracker_node.ros.launch_files import BAG_CLOSED, argument, value_of
 
-FILES = ("rig", "model", "initial_state", "occluders", "config", "output")
+FILES = ("rig", "model", "initial_state", "occluders", "keypoints_table", "config", "output")
 
 
 def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument("recording", default_value="", description="recording.yaml; what follows goes before what it says"),
-        *(argument(name, default_value="") for name in ("rig", "model", "initial_state", "occluders")),
+        *(argument(name, default_value="") for name in ("rig", "model", "initial_state", "occluders", "keypoints_table")),
         DeclareLaunchArgument("config", default_value="", description="parameters of the tracker"),
         argument("keypoints", default_value="auto", choices=["auto", "on", "off"]),
         DeclareLaunchArgument("output", default_value="", description="folder of the run; its bag must not exist"),

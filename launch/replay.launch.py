@@ -13,7 +13,7 @@ from launch_ros.actions import Node
 from tracker_node.ros.launch_files import SWITCH, argument, included, value_of
 
 AGAIN = "again"
-TRACKER = ("initial_state", "occluders", "params_file", "calibration")
+TRACKER = ("initial_state", "occluders", "params_file", "calibration", "keypoints_table")
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -15,7 +15,7 @@ from tracker_node.ros.launch_files import BAG_CLOSED, SWITCH, argument, included
 SHARED = ("rig", "namespace", "use_sim_time")
 TRACKER = (
     *(*SHARED, "model", "initial_state", "occluders", "params_file", "calibration", "topics"),
-    *("name", "frame_prefix", "link_frames", "lossless", "joint_states", "keypoints"),
+    *("name", "frame_prefix", "link_frames", "lossless", "joint_states", "keypoints", "keypoints_table"),
 )
 INGEST = (*SHARED, "rate", "shrink", "loop", "topics", "compressed", "listeners")
 DETECTOR = (*SHARED, "keypoints_rate", "weights", "topics", "name")

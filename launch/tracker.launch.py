@@ -16,7 +16,7 @@ def generate_launch_description() -> LaunchDescription:
         *map(argument, ("rig", "model", "initial_state", "occluders", "params_file")),
         argument("calibration", default_value="rig"),
         *map(argument, ("name", "namespace", "frame_prefix", "link_frames", "lossless")),
-        *map(argument, ("joint_states", "topics", "use_sim_time")),
+        *map(argument, ("joint_states", "topics", "use_sim_time", "keypoints_table")),
         argument("keypoints", description="a detector runs: compare its points, too, unless params_file says what is compared"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
@@ -27,13 +27,16 @@ def _nodes(context) -> list:
         return value_of(context, name)
 
     arguments = ["--rig", value("rig"), "--model", value("model"), "--calibration", value("calibration")]
-    for option, name in (("--initial-state", "initial_state"), ("--occluders", "occluders"), ("--config", "params_file")):
+    for option, name in (
+        *(("--initial-state", "initial_state"), ("--occluders", "occluders"), ("--config", "params_file")),
+        ("--keypoints-table", "keypoints_table"),
+    ):
         arguments += [option, value(name)] if value(name) else []
     arguments += ["--lossless"] if value("lossless") == "true" else []
     arguments += ["--joint-states", value("joint_states")] if value("joint_states") else []
     arguments += ["--topics", *value("topics").split()] if value("topics") else []
     shared = {"use_sim_time": value("use_sim_time") == "true", "frame_prefix": value("frame_prefix")}
-    by_points = value("keypoints") == "true" and not value("params_file")
+    by_points = (value("keypoints") == "true" or value("keypoints_table")) and not value("params_file")
     compared = {"modalities": ["region", "keypoints"]} if by_points else {}
     tracker = Node(
         package="tracker_node",

@@ -135,9 +135,10 @@ CASES = [
     ("tracker", BODY, ["tracker", "tracker_links"]),
     ("tracker", {**BODY, "initial_state": "s.yaml", "occluders": "o.yaml", "params_file": "p.yaml", "calibration": "camera_info",
                  "name": "second", "link_frames": "false", "lossless": "true",
-                 "topics": "cam01=/a/image", "use_sim_time": "true"}, ["second"]),
+                 "topics": "cam01=/a/image", "use_sim_time": "true", "keypoints_table": "t.yaml"}, ["second"]),
     ("pipeline", {"recording": "recording.yaml"}, ["pipeline"]),
-    ("pipeline", {**BODY, "initial_state": "s.yaml", "occluders": "o.yaml", "config": "p.yaml", "output": "out"}, ["pipeline"]),
+    ("pipeline", {**BODY, "initial_state": "s.yaml", "occluders": "o.yaml", "config": "p.yaml", "output": "out",
+                  "keypoints_table": "t.yaml"}, ["pipeline"]),
     ("rviz", {}, ["rviz2"]),
     ("rviz", {"rig": "rig.yaml", "namespace": "lab", "use_sim_time": "true"}, ["rviz2"]),
     ("rig", BODY, ["tracker", "tracker_links", "camera_ingest"]),
@@ -174,6 +175,15 @@ def test_points_of_a_detector_are_compared_unless_a_file_chooses(stand_ins):
     assert started_by("rig.launch.py", **given)[0].parameters["modalities"] == ["region", "keypoints"]
     assert "modalities" not in started_by("rig.launch.py", **given, params_file="p.yaml")[0].parameters
     assert "modalities" not in started_by("rig.launch.py", **BODY)[0].parameters
+
+
+@pytest.mark.parametrize(("name", "given"), [
+    ("tracker", {}), ("rig", {}), ("replay", {"bag": "b", "track": "true"}), ("pipeline", {}),
+])  # fmt: skip
+def test_the_points_of_an_own_detector_are_compared_by_its_table_and_ours_is_not_started(stand_ins, name, given):
+    nodes = started_by(f"{name}.launch.py", **BODY, **given, keypoints_table="t.yaml")
+    assert check_runs(nodes[0]).keypoints_table == "t.yaml" and "keypoints" not in [node.name for node in nodes]
+    assert name == "pipeline" or nodes[0].parameters["modalities"] == ["region", "keypoints"]
 
 
 @pytest.mark.parametrize(("name", "given", "writer"), [

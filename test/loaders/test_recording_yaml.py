@@ -101,7 +101,6 @@ MISTAKES = {
     ", image_sets: 17": (", lag: 2000, image_sets: 17", "evaluate.lag", "'auto' or a number of images"),
     "files: points": ("files: nowhere", "keypoints.files", "an existing file"),
     "table: table.yaml": ("table: points", "keypoints.table", "an existing file"),
-    "files: points, ": ("", "keypoints.table", "files beside it"),
     "table: table.yaml, ": ("weights: w.tflite, ", "keypoints.weights", "either files or weights"),
     "every_sets: 1": ("every_sets: 0", "keypoints.every_sets", "a whole number, 1 or more"),
     "[1, 0.5, 1]": ("[1, 0.5]", "person", "a place: [x, y, z] in meters"),

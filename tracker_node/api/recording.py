@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import TrackerError
+from ..errors import FileFormatError, TrackerError
 from ..loaders.images.source import SourceOptions
 from ..loaders.model.model_yaml import load_model
 from ..loaders.model.state_yaml import load_state
@@ -127,9 +127,11 @@ def recording_of(file: RecordingFile) -> Recording:
     if file.model is None:
         got = ", ".join([*file.bodies, *([] if file.joining is None else file.joining.names)])
         raise TrackerError(f"expected a recording of one body, got several: {got}")
+    images, points = file.images, file.keypoints
+    if points.table is not None and points.files is None:
+        raise FileFormatError(points.table, "keypoints.table", "files beside it (without them a detector runs, live)", "none")
     rig, model = load_rig(file.rig), load_model(file.model)
     rig = rig.with_sources(file.sources_of(rig.names))
-    images, points = file.images, file.keypoints
     return Recording(
         rig=rig.subset(file.cameras) if file.cameras else rig,
         model=model,

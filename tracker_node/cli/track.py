@@ -260,7 +260,8 @@ def _points(args: argparse.Namespace) -> PointFiles | None:
     if args.keypoints is not None:
         return PointFiles(args.keypoints, args.keypoints_table, args.keypoints_first)
     if args.keypoints_table is not None and args.from_run_bag is None:
-        raise FileFormatError("command line", "--keypoints-table", "--keypoints or --from-run-bag beside it", "none")
+        expected = "--keypoints or --from-run-bag beside it (live, a detector may publish the points)"
+        raise FileFormatError("command line", "--keypoints-table", expected, "none")
     return None
 
 

@@ -84,7 +84,10 @@ class ImagesEntry(FileModel):
 
 
 class KeypointsEntry(FileModel):
-    """Where points of people come from; ``files`` with ``table`` and ``first`` are another detector's, else the network looks."""
+    """Where points come from; ``files`` with ``table`` and ``first`` are another detector's, else the network looks.
+
+    ``table`` alone: another detector publishes its points.
+    """
 
     files: str | None = None
     table: str | None = None
@@ -94,8 +97,6 @@ class KeypointsEntry(FileModel):
 
     @model_validator(mode="after")
     def _one_detector(self) -> KeypointsEntry:
-        if self.files is None and self.table is not None:
-            raise problem("files beside it", "none", "table")
         if self.files is not None and self.weights is not None:
             raise problem("either files or weights", "both", "weights")
         return self

@@ -49,6 +49,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     },
     "keypoints": {"default_value": "false", "choices": SWITCH, "description": "find people and their points in the images"},
     "keypoints_rate": {"default_value": "", "description": "image sets a second with points at most; empty: 5"},
+    "keypoints_table": {"default_value": "", "description": "keypoints.yaml: what the points of an own detector are on the body"},
     "weights": {"default_value": "", "description": "of the network that finds points; empty: the full size, fetched once"},
     "joint_states": {"default_value": "", "description": "topic on which a robot says where its joints are; empty: none"},
     "topics": {"default_value": "", "description": "'cam01=/front/image_raw cam02=...': image topics, before what rig.yaml says"},

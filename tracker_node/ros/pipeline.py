@@ -58,6 +58,7 @@ class PipelineOptions:
     masks, overlays, masked_images, markers, images : record these too.
     recorder : further options of ``tracker_node recorder``.
     detector : options of ``tracker_node keypoints``; None: it is not started.
+    own_detector : somebody else's publishes points.
     lossless : every image set is tracked, as fast as the tracker can; otherwise in real time, the newest wins.
     n_expected : image sets, for the progress; None if not known.
     modalities : of the tracker, which alone has no detector and compares outlines.
@@ -80,6 +81,7 @@ class PipelineOptions:
     images: bool = False
     recorder: list[str] = field(default_factory=list)
     detector: list[str] | None = None
+    own_detector: bool = False
     lossless: bool = True
     n_expected: int | None = None
     modalities: Sequence[str] = ()
@@ -101,7 +103,7 @@ class PipelineOptions:
             topics += ["/tf:tf2_msgs/msg/TFMessage", "/tf_static:tf2_msgs/msg/TFMessage"]
         for camera in self.cameras:
             topics.append(f"{camera}/camera_info:{CAMERA_INFO}")
-            if self.detector is not None:
+            if self.detector is not None or self.own_detector:
                 topics.append(f"{camera}/keypoints:{KEYPOINTS}")
             if self.images:
                 topics.append(f"{camera}/image_raw:{IMAGE}")

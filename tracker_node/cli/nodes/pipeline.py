@@ -6,6 +6,7 @@ import argparse
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,6 +109,7 @@ def run(args: argparse.Namespace) -> int:
         markers=args.markers,
         images=args.images,
         detector=_detector_options(args, list(opened.cameras), named, joining, KEYPOINTS in config.modalities),
+        own_detector=args.keypoints_table is not None,
         recorder=["--split-mb", str(args.split_mb), "--compression", args.compression],
         lossless=not args.real_time,
         n_expected=n_sets,
@@ -165,6 +167,7 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
     """Mistakes in files are said before anything is started; parameters of the tracker."""
     from ...errors import FileFormatError
     from ...loaders.images.source import load_backgrounds
+    from ...loaders.keypoints.table import load_keypoint_table
     from ...loaders.model.model_yaml import load_model
     from ...loaders.model.state_yaml import load_state
     from ...model.humans.keypoints import is_person
@@ -191,8 +194,12 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
     load_backgrounds(rig)
     if entry is not None:
         return load_config(args.config) if args.config else USUAL
-    if args.keypoints != "off" and all(map(is_person, models)) and not _chosen_by_ros(args):
-        return config_for(args.config, models[0], tell=lambda why: print(f"pipeline: {why}", file=sys.stderr, flush=True))
+    table = args.keypoints_table
+    if table:
+        load_keypoint_table(table, models[0])
+    if (table or (args.keypoints != "off" and all(map(is_person, models)))) and not _chosen_by_ros(args):
+        said = partial(print, "pipeline:", file=sys.stderr, flush=True)
+        return config_for(args.config, models[0], table is not None, said)
     return load_config(args.config) if args.config else TrackerConfig()
 
 
@@ -202,7 +209,7 @@ def _chosen_by_ros(args: argparse.Namespace) -> bool:
 
 
 def _check_points(args: argparse.Namespace, recording: RecordingFile) -> None:
-    """A graph has the points of its own detector, of whomever cameras look at.
+    """A graph has the points of a detector that runs, of whomever cameras look at.
 
     Raises
     ------
@@ -223,7 +230,7 @@ def _detector_options(
     from ...errors import TrackerError
     from ...loaders.fetched_files import usable_weights
 
-    if args.keypoints == "off" or (args.keypoints == "auto" and not wanted):
+    if args.keypoints == "off" or (args.keypoints == "auto" and (args.keypoints_table or not wanted)):
         return None
     try:
         usable_weights(args.keypoints_weights)
@@ -248,7 +255,7 @@ def _detector_options(
 def _body_options(args: argparse.Namespace, cameras: list[str]) -> list[str]:
     body = ["--bodies", str(args.recording)] if args.model is None else ["--model", str(args.model)]
     result = ["--rig", str(args.rig), *body, "--cameras", *cameras]
-    for name in ("config", "initial_state", "occluders"):
+    for name in ("config", "initial_state", "occluders", "keypoints_table"):
         if getattr(args, name):
             result += [f"--{name.replace('_', '-')}", str(getattr(args, name))]
     if args.resize or args.shrink > 1:

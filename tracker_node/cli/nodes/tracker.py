@@ -48,6 +48,11 @@ def add_body_arguments(parser: argparse.ArgumentParser, required: bool = True) -
     parser.add_argument(
         "--initial-state", metavar="FILE", help="state.yaml: where the body is in the first images (default: it is searched)"
     )
+    parser.add_argument(
+        "--keypoints-table",
+        metavar="FILE",
+        help="keypoints.yaml: what the points of a detector that publishes them are on the body (default: BlazePose's)",
+    )
 
 
 def add_tracking_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,11 +64,6 @@ def add_tracking_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the lenses are taken from; camera_info suits resampled images (default: rig)",
     )
     add_topics_argument(parser)
-    parser.add_argument(
-        "--keypoints-table",
-        metavar="FILE",
-        help="keypoints.yaml: what a detector's points are on the body (default: BlazePose's)",
-    )
     parser.add_argument(
         "--joint-states", default="", metavar="TOPIC", help="where a robot says its joints are (sensor_msgs/JointState)"
     )
@@ -133,6 +133,7 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     recording = load_recording(args.bodies) if args.bodies else None
     bodies, joining = ({}, None) if recording is None else _bodies(args, recording)
     config, occluders = (getattr(args, name) or getattr(recording, name, None) for name in ("config", "occluders"))
+    table = args.keypoints_table or (recording and recording.keypoints.table)
     _check_listeners(args, [*bodies, *(() if joining is None else joining.names)])
     first = next(iter(bodies.values()), None if joining is None else BodyOptions(joining.model))
     model = load_model(args.model) if first is None else first.model
@@ -146,7 +147,7 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
         bodies=bodies,
         joining=joining,
         occluders=load_model(occluders) if occluders else None,
-        keypoints=load_keypoint_table(args.keypoints_table, model) if args.keypoints_table else None,
+        keypoints=load_keypoint_table(table, model) if table else None,
         joint_states=args.joint_states,
         inbox=inbox,
         calibration_from_topics=args.calibration == "camera_info",

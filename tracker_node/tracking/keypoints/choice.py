@@ -88,7 +88,7 @@ class PersonChoice(Choice):
         ]
 
     def _is_somebody(self, person: Person) -> bool:
-        """Whether points were found at all: detectors of one body alone send it in every image, where it is not seen without any."""
+        """Whether points were found at all: detectors of one body send it in every image, without any where it is hidden."""
         return float(person.scores[rows_of(person.names, self._modality.names)].sum()) >= _SOMEBODY
 
     def denied_sets(self, stamp_ns: int) -> int:
