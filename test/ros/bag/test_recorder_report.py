@@ -1,16 +1,23 @@
 """Levels of the recorder's diagnostics, as somebody who records would set them."""
 
+import time
 from contextlib import closing
 
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from rclpy.serialization import serialize_message
+
+from tracker_node.loaders.bag.message_types import TRACKED_STATE
 from tracker_node.loaders.bag.queue import BagQueue
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.ros.bag.recorder import RecorderNode, TopicSelection
-from tracker_node.ros.bag.recorder_report import MB, RecorderState, TopicPace, topics_status
+from tracker_node.ros.bag.recorder_report import MB, WHILE_KNOWN, RecorderState, TopicPace, topics_status
+from tracker_node.ros.conversions import message_class
 from tracker_node.ros.diagnostics import ERROR, OK, WARN
+from tracker_node.runs.outputs import BODY_OUTPUTS
+from tracker_node.tracking.estimate import Status
 
 HEALTHY = {"messages": 100, "size": 50 * MB, "free_bytes": 10**12, "room_bytes": 10**12, "bytes_per_s": 10.0 * MB}
 
@@ -74,6 +81,22 @@ def test_topics_of_events_may_be_silent_and_others_not(ros, tmp_path) -> None:
         paces = {name: recorded.pace.on_occasion for name, recorded in recorder._topics.items()}
         recorder.destroy_node()
     assert paces == {"/parameter_events": True, "/rosout": True, "/chatter": False}
+
+
+@pytest.mark.parametrize("status", Status)
+def test_what_a_tracker_leaves_out_while_the_body_is_not_known_is_not_missed(ros, tmp_path, status) -> None:
+    assert set(WHILE_KNOWN) <= {output.name for output in BODY_OUTPUTS}
+    names = {f"/tracker/{output.topic}": output.type_name for output in BODY_OUTPUTS}
+    with closing(BagQueue(BagWriter(tmp_path / "run"))) as bag:
+        recorder = RecorderNode(TopicSelection(names), bag)
+        recorder.create_publisher(message_class(names["/tracker/pose"]), "/tracker/pose", 10)
+        now_s = time.monotonic()
+        recorder._topics["/tracker/pose"].pace = TopicPace(301, now_s - 30.0, now_s - 20.0)
+        recorder._topics["/tracker/state"].state = serialize_message(message_class(TRACKED_STATE)(status=int(status)))
+        recorder.report()
+        said = recorder._diagnostics._statuses["topics"].message
+        recorder.destroy_node()
+    assert ("/tracker/pose for 2" in said) == status.known
 
 
 def test_a_pause_is_no_silence() -> None:

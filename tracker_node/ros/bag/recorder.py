@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.validate_full_topic_name import validate_full_topic_name
@@ -23,14 +24,15 @@ from std_srvs.srv import SetBool, Trigger
 
 from ...errors import TrackerError
 from ...loaders.bag.images import COMPRESSED, RAW
-from ...loaders.bag.message_types import MessageType, UnknownMessageTypeError, message_type
+from ...loaders.bag.message_types import TRACKED_STATE, MessageType, UnknownMessageTypeError, message_type
 from ...loaders.bag.metadata import OfferedQos
 from ...loaders.bag.queue import BagQueue
+from ...tracking.estimate import Status
 from ..conversions import message_class
 from ..diagnostics import Diagnostics
 from ..guarded_node import GuardedNode
 from ..qos import offered_qos, qos_profile, with_source_stamp
-from .recorder_report import ON_OCCASION, RecorderState, TopicPace, topics_status
+from .recorder_report import ON_OCCASION, WHILE_KNOWN, RecorderState, TopicPace, topics_status
 
 DISCOVERY_S = 0.1
 REPORT_S = 1.0
@@ -38,6 +40,7 @@ RATE_OVER_S = 10.0
 DEPTH = 100  # messages of a topic that may wait for the event loop
 _LATCHED_BY_ROS = ("/tf_static", "/robot_description", "/map")  # ends of the names of topics
 _MOST_STAMPS = 10 * DEPTH  # of messages that came before the publishers were known
+_NOT_KNOWN = {int(status) for status in Status if not status.known}
 IMAGE_CHOICES = {"all": (RAW, COMPRESSED), "raw": (RAW,), "compressed": (COMPRESSED,), "none": ()}
 
 
@@ -89,6 +92,7 @@ class TopicSelection:
 class _Recorded:
     """One topic that is being recorded; ``lost_before`` were lost by the subscription that this one stands for now.
 
+    ``state``: the latest message, of a topic of tracked states.
     ``guessed``: no publisher was known when the quality of service was chosen. ``stamps`` are those of messages that came in that
     time, which a transient-local publisher sends once more to the next subscription.
     """
@@ -101,6 +105,7 @@ class _Recorded:
     subscription: Subscription | None = None
     announced: bool = False
     pace: TopicPace = field(default_factory=TopicPace)
+    state: bytes | None = None
 
 
 class RecorderNode(GuardedNode):
@@ -199,6 +204,8 @@ class RecorderNode(GuardedNode):
         if self._paused:
             return
         recorded.pace.add()
+        if recorded.type_name == TRACKED_STATE:
+            recorded.state = data
         if not recorded.announced:
             self._announce(topic, recorded)
         stamp_ns = self.get_clock().now().nanoseconds if self._sim_time else time.time_ns()
@@ -266,10 +273,21 @@ class RecorderNode(GuardedNode):
         """Say on /diagnostics how it goes."""
         self._destroy_replaced()
         paces = {topic: recorded.pace for topic, recorded in self._topics.items()}
-        published = {topic: self.count_publishers(topic) for topic in paces if not self._paused}
+        due = [] if self._paused else paces.keys() - self._not_due()
+        published = {topic: self.count_publishers(topic) for topic in due}
         self._diagnostics.report("topics", *topics_status(paces, self.lost, published, time.monotonic()))
         state = self._state()
         self._diagnostics.report("bag", *state.status(), state.values())
+
+    def _not_due(self) -> set[str]:
+        """Topics that trackers leave out now, since they do not know where the body is."""
+        found: set[str] = set()
+        for topic, recorded in self._topics.items():
+            if recorded.state is not None:
+                status = deserialize_message(recorded.state, message_class(TRACKED_STATE)).status
+                if status in _NOT_KNOWN:
+                    found |= {"/tf", *(topic.removesuffix("state") + name for name in WHILE_KNOWN)}
+        return found
 
     def _state(self) -> RecorderState:
         bag, now_s = self._bag, time.monotonic()

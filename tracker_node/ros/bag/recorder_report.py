@@ -24,6 +24,8 @@ ON_OCCASION = frozenset(  # types of messages that tell of events, and have no r
     )
 )  # fmt: skip
 
+WHILE_KNOWN = ("pose", "twist", "joint_states")  # a tracker publishes these, and /tf, while it knows where the body is
+
 
 @dataclass
 class TopicPace:
