@@ -7,15 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera.rig import CameraRig, axes_equations
+from ..camera.rig import Camera, CameraRig, axes_equations
 from ..compiled.ahead import Progress, compile_ahead, show_progress
 from ..geometry import se3
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import Configuration, State
-from ..model.humans.keypoints import KeypointTable
+from ..model.humans.keypoints import BLAZEPOSE, KeypointTable
 from ..observation.image_set import CameraImage, ImageSet
+from ..observation.keypoints.people import People, Person, Silhouette
 from ..render.raycast.raycaster import render_view
-from .config import REGION, InitializationConfig, TrackerConfig
+from .config import KEYPOINTS, REGION, InitializationConfig, TrackerConfig
 from .tracker import Tracker
 
 _WIDTH_PX = 160
@@ -54,7 +55,8 @@ def warm_up(
     small = _small_rig(rig)
     configuration = Configuration(model, state or _in_the_middle(rig, model))
     brief = _brief(config)
-    _track(Tracker(small, model, brief, _backgrounds(small), configuration.state, occluders, keypoints), configuration)
+    table = keypoints or BLAZEPOSE if KEYPOINTS in config.modalities else {}
+    _track(Tracker(small, model, brief, _backgrounds(small), configuration.state, occluders, keypoints), configuration, table)
     if state is None and config.initialization.enabled:
         searching = replace(brief, initialization=_brief_search(config.initialization))
         _track(Tracker(small, model, searching, _backgrounds(small), None, occluders, keypoints), configuration)
@@ -93,11 +95,14 @@ class SmallTrackers:
         Tracker(self._rig.subset(tuple(cameras)), self._model, without_search, backgrounds, keypoints=self._keypoints)
 
 
-def _track(tracker: Tracker, configuration: Configuration) -> None:
+def _track(tracker: Tracker, configuration: Configuration, table: KeypointTable | None = None) -> None:
+    """With a detector's points from the second image set on, where there is a table of them."""
     for i in range(_SETS):
         stamp_ns = round(i * 1e9 * tracker.config.synchronizer.image_period_s)
-        drawn = {camera.name: _drawn(configuration, camera) for camera in tracker.rig}
-        tracker.step(ImageSet(stamp_ns, tuple(CameraImage(name, stamp_ns, pixels) for name, pixels in drawn.items())))
+        images = [CameraImage(camera.name, stamp_ns, _drawn(configuration, camera)) for camera in tracker.rig]
+        if table and i > 0:
+            images = [replace(image, people=_people(configuration, tracker.rig[image.camera], table)) for image in images]
+        tracker.step(ImageSet(stamp_ns, tuple(images)))
 
 
 def _brief(config: TrackerConfig) -> TrackerConfig:
@@ -135,6 +140,18 @@ def _drawn(configuration: Configuration, camera) -> np.ndarray:
     """(h, w, 3) BGR: the parts in their colors before a plain wall."""
     colors = np.array([_SCENE_BGR, *(shape.color_rgb[::-1] for shape in configuration.model.shapes)], np.uint8)
     return colors[render_view(configuration, camera).labels]
+
+
+def _people(configuration: Configuration, camera: Camera, table: KeypointTable) -> People:
+    """The body as a detector sees it that finds all that one can."""
+    model = configuration.model
+    names = tuple(name for name, point in table.items() if point.landmark in model.landmark_names)
+    places = configuration.landmarks_world[[model.landmark_index(table[name].landmark) for name in names]]
+    pixels, n = camera.project(places)[0], len(names)
+    covariances, skeleton = np.tile(np.eye(2), (n, 1, 1)), (places - camera.center) @ camera.T_world_cam[:3, :3]
+    left, top, right, bottom = (*pixels.min(axis=0).tolist(), *pixels.max(axis=0).tolist())
+    shown = Silhouette(np.where(render_view(configuration, camera).labels > 0, 255, 0).astype(np.uint8), (0, 0))
+    return (Person(names, pixels, covariances, np.ones(n), 1.0, (left, top, right, bottom), shown, skeleton),)
 
 
 def _in_the_middle(rig: CameraRig, model: ArticulatedModel) -> State:

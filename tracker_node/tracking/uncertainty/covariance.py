@@ -212,7 +212,8 @@ def link_bends(body: Configuration, directions: np.ndarray, pairs: tuple[np.ndar
     (n_pairs, n_links, 6) spatial twists.
     """
     first, second = (np.arange(directions.shape[1]),) * 2 if pairs is None else pairs
-    return _link_bends(np.ascontiguousarray(directions), first, second, *_chain_of(body))
+    pairs = np.ascontiguousarray(first), np.ascontiguousarray(second)  # or there is machine code of either kind
+    return _link_bends(np.ascontiguousarray(directions), *pairs, *_chain_of(body))
 
 
 def _chain_of(body: Configuration) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
