@@ -149,7 +149,7 @@ def _people(configuration: Configuration, camera: Camera, table: KeypointTable) 
     places = configuration.landmarks_world[[model.landmark_index(table[name].landmark) for name in names]]
     pixels, n = camera.project(places)[0], len(names)
     covariances, skeleton = np.tile(np.eye(2), (n, 1, 1)), (places - camera.center) @ camera.T_world_cam[:3, :3]
-    left, top, right, bottom = (*pixels.min(axis=0).tolist(), *pixels.max(axis=0).tolist())
+    (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
     shown = Silhouette(np.where(render_view(configuration, camera).labels > 0, 255, 0).astype(np.uint8), (0, 0))
     return (Person(names, pixels, covariances, np.ones(n), 1.0, (left, top, right, bottom), shown, skeleton),)
 
