@@ -6,10 +6,11 @@
 ``bumped``, it is turned by half a degree; ``defocused``, blurred by a hundredth of its width; ``covered``, a hand is before the
 lens; ``noisy``, a third of its pixels show anything; ``delayed``, its images are ten sets old, which points of people tell;
 ``upside_down``, ever since the tracker was started. Each else begins when the body has been followed for twenty sets; seeds say
-at which part of the clip, and which camera. From the true pose, no backgrounds; the person as `track` follows people, by contours and points, and again by contours alone, in keys of their own
-(``<clip>_contours``). A set is lost that is called LOST, or has a joint more than 200 mm off (the box: its middle more than
-20 mm); one is turned whose heading is more than 90 degrees off; ``named``: sets until the camera is named, ``others``: cameras
-that are named and should not be; ``settled_mm``: the largest mean error from ten sets after a bump on.
+at which part of the clip, and which camera. From the true pose, no backgrounds; the person as `track` follows people, by
+contours and points, and again by contours alone, in keys of their own (``<clip>_contours``). A set is lost that is called LOST,
+or has a joint more than 200 mm off (the box: its middle more than 20 mm); one is turned whose heading is more than 90 degrees
+off; ``named``: sets until the camera is named, ``others``: cameras that are named and should not be; ``settled_mm``: the
+largest mean error from ten sets after a bump on.
 """
 
 from __future__ import annotations
