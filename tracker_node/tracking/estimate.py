@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -64,6 +64,12 @@ class LimbReport:
     status: LimbStatus
     reason: str
     probability: float
+
+    def doubted(self, reason: str) -> LimbReport:
+        """DEGRADED for a reason, if there is one, and it is TRACKING."""
+        if not reason or self.status is not LimbStatus.TRACKING:
+            return self
+        return replace(self, status=LimbStatus.DEGRADED, reason=reason)
 
 
 @dataclass(frozen=True)

@@ -384,10 +384,11 @@ class Tracker:
         alone, innovation = (information, None) if evidence is None else evidence.measurement(assessment.dof_weights)
         if information is not None and any(people):  # lines and points together
             alone, innovation = information / self.config.keypoints.error_scale, None
+        said = self._trust.doubted(assessment)
         return TrackEstimate(
             stamp_ns=image_set.stamp_ns,
-            status=assessment.status,
-            status_reason=self._with_left_out(assessment.reason),
+            status=said.status,
+            status_reason=self._with_left_out(said.reason),
             state=fit.state,
             velocity=track.motion.velocity.copy(),
             covariance=covariance,
@@ -403,7 +404,7 @@ class Tracker:
             information=alone,
             innovation=innovation,
             faults=self._trust.faults,
-            limbs=assessment.limbs,
+            limbs=said.limbs,
             surfaces=engine.surfaces,
         )
 

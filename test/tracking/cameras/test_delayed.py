@@ -10,8 +10,11 @@ from helpers.bodies.detected_people import HUMAN, person_at, places, standing
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.camera.rig import CameraRig
 from tracker_node.observation.image_set import CameraImage, ImageSet
+from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.cameras.delayed import DelayedCameras
-from tracker_node.tracking.estimate import DELAYED
+from tracker_node.tracking.cameras.trust import CameraTrust
+from tracker_node.tracking.config import TrackerConfig
+from tracker_node.tracking.estimate import DELAYED, LimbReport, LimbStatus, Status
 
 RIG = circle_rig(4)
 BLACK = np.zeros((8, 8, 3), dtype=np.uint8)
@@ -67,6 +70,22 @@ def test_of_two_cameras_nobody_knows_which_and_none_is_left_out():
     rig = CameraRig(RIG.cameras[:2])
     found = looked(image_sets({"cam02": 10}, rig=rig), rig)
     assert [{fault.camera, *fault.rivals} for fault in found.faults] == [{"cam01", "cam02"}] and found.far_off == []
+
+
+@pytest.mark.parametrize("n_cameras", [2, 4])
+def test_a_body_between_two_moments_is_degraded_and_one_without_the_late_camera_is_not(n_cameras):
+    rig = CameraRig(RIG.cameras[:n_cameras])
+    trust, limb = CameraTrust(rig, HUMAN, TrackerConfig()), LimbReport("left_hand", LimbStatus.TRACKING, "", 0.01)
+    found = Assessment(Status.TRACKING, "", limbs=(limb, replace(limb, status=LimbStatus.LOST)))
+    sets = image_sets({"cam02": 10}, rig=rig)
+    used = [trust.trusted(image_set, None, False) for image_set in sets]
+    assert trust.doubted(replace(found, status=Status.LOST)).status is Status.LOST
+    if n_cameras == 4:
+        assert trust.doubted(found) is found and [image.camera for image in used[-1].images] == ["cam01", "cam03", "cam04"]
+        return
+    said = trust.doubted(found)
+    assert used[-1] is sets[-1] and (said.status, said.limbs[0].status) == (Status.DEGRADED, LimbStatus.DEGRADED)
+    assert said.reason == said.limbs[0].reason and "are 333 ms" in said.reason and said.limbs[1].status is LimbStatus.LOST
 
 
 def test_a_clock_that_is_set_right_ends_it():

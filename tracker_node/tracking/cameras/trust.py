@@ -100,6 +100,23 @@ class CameraTrust:
             return image_set
         return replace(image_set, images=tuple(i for i in image_set.images if i.camera not in self.left_out))
 
+    def doubted(self, assessment: Assessment) -> Assessment:
+        """DEGRADED while cameras that are used show different moments: a body is nowhere in between.
+
+        Parameters
+        ----------
+        assessment : of the present set.
+
+        Returns
+        -------
+        The same where they do not, and of a body that is LOST.
+        """
+        fault = next((fault for fault in self._delayed.faults if fault.camera not in self.left_out), None)
+        if fault is None or assessment.status is Status.LOST:
+            return assessment
+        limbs = tuple(limb.doubted(fault.text) for limb in assessment.limbs)
+        return replace(assessment, status=Status.DEGRADED, reason=assessment.reason or fault.text, limbs=limbs)
+
     def look(self, stamp_ns: int, images: Images, fit: Fit, assessment: Assessment) -> Images:
         """Take in what the images of a set show, once the body has been found in them.
 

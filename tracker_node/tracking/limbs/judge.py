@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -265,7 +264,7 @@ class LimbJudge:
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
         each = zip(measures, sigmas.tolist(), others.tolist(), told, strict=True)
         reports = [self._limb(i, *of_limb, beside) for i, of_limb in enumerate(each)]
-        return tuple(map(_doubted, reports, doubts))
+        return tuple(map(LimbReport.doubted, reports, doubts))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
         """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
@@ -491,13 +490,6 @@ def _doubt(width_px: float, seen_by_one: bool) -> str:
     if width_px < _LEAST_WIDTH_PX:
         return f"it is {width_px:.1f} pixels wide"
     return "one camera alone sees its outline" if seen_by_one else ""
-
-
-def _doubted(report: LimbReport, reason: str) -> LimbReport:
-    """DEGRADED for a reason, if there is one, and it is TRACKING."""
-    if not reason or report.status is not LimbStatus.TRACKING:
-        return report
-    return replace(report, status=LimbStatus.DEGRADED, reason=reason)
 
 
 def _beyond(distance: float, sigma: float) -> float:
