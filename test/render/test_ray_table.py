@@ -1,6 +1,8 @@
 """Ray tables against the rays of the camera model."""
 
 import gc
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -46,3 +48,11 @@ def test_tables_are_made_once_and_die_with_their_lens():
     gc.collect()
     assert not kept
     assert calls_before == 2
+
+
+def test_what_several_threads_ask_for_at_once_is_made_once():
+    made = []
+    once = MadeOnce(lambda owner: made.append(time.sleep(0.05)) or len(made))
+    model = CameraModel(32, 24, K)
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(once, 4 * [model])) == [1, 1, 1, 1]

@@ -32,18 +32,24 @@ class MadeOnce(Generic[Owner, Made]):
     """What is computed once for an object and dies with it (models and lenses are immutable, but not hashable)."""
 
     def __init__(self, make: Callable[[Owner], Made]):
-        self._make, self._lock = make, Lock()
+        self._make = make
         self._made: dict[int, Made] = {}
+        self._locks: dict[int, Lock] = {}  # of each object: what is made of it is made once, and of two by two threads
 
     def __call__(self, owner: Owner) -> Made:
         key = id(owner)
         found = self._made.get(key)
         if found is None:
-            made = self._make(owner)
-            with self._lock:
-                found = self._made.setdefault(key, made)
-                weakref.finalize(owner, self._made.pop, key, None)
+            with self._locks.setdefault(key, Lock()):
+                found = self._made.get(key)
+                if found is None:
+                    found = self._made[key] = self._make(owner)
+                    weakref.finalize(owner, self._forget, key)
         return found
+
+    def _forget(self, key: int) -> None:
+        self._made.pop(key, None)
+        self._locks.pop(key, None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ that a ray meets.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 
@@ -26,6 +27,7 @@ N_NODE_COLUMNS = 8
 N_TRIANGLE_COLUMNS = 9  # a corner, and the edges to the other two
 
 _FEW_FACES = 3000  # of a mesh whose pixels are marked, to a pixel or so
+_SIMPLIFYING = Lock()  # the library that simplifies has its mesh in global variables, and lets other threads run meanwhile
 _MOST_FACES = 8000  # of a mesh whose contours are drawn; of more, so many are left, which stay far within a pixel of them
 _FLAT_RAD = 1e-5  # faces that make less of an angle are one face
 _CREASE_RAD = np.radians(30.0)
@@ -119,7 +121,8 @@ def _simplified(vertices: np.ndarray, faces: np.ndarray, most: int = _MOST_FACES
     import fast_simplification  # few models need it
 
     middle = vertices.mean(axis=0)  # it computes in float32
-    points, left = fast_simplification.simplify(vertices - middle, faces, target_count=most)
+    with _SIMPLIFYING:
+        points, left = fast_simplification.simplify(vertices - middle, faces, target_count=most)
     points, left = np.asarray(points, dtype=np.float64) + middle, np.asarray(left, dtype=np.int64)
     left = left[_normals(points, left)[1] > 0.0]
     if len(_sides(left)[1]) and not len(_sides(faces)[1]):

@@ -1,5 +1,6 @@
 """Labels of meshes of many triangles are drawn with few of them, and are the same to a pixel."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -40,3 +41,13 @@ def test_labels_are_those_of_the_whole_mesh_but_for_their_rim():
     assert (whole > 0).sum() > 5000 and (found != whole).sum() < 0.03 * (whole > 0).sum()
     other = Configuration(replace(model, shapes=(Shape("knot", "knot", mesh, color_rgb=(1, 2, 3)),)), State.neutral(model))
     np.testing.assert_array_equal(render_labels(other, camera)[1], labels)
+
+
+def test_meshes_that_are_simplified_at_the_same_time_are_those_of_one_after_the_other():
+    meshes = [with_corners_of_their_own(knot(seed)) for seed in (1, 2)]
+    alone = [light_mesh(mesh) for mesh in meshes]
+    with ThreadPoolExecutor(2) as threads:
+        together = list(threads.map(light_mesh, 4 * meshes))
+    for found, expected in zip(together, 4 * alone, strict=True):
+        np.testing.assert_array_equal(found.faces, expected.faces)
+        np.testing.assert_array_equal(found.vertices, expected.vertices)
