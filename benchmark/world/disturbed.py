@@ -130,6 +130,8 @@ def changes(scene: Scene, seed: int) -> dict[str, Change]:
     camera, flicker = int(rng.integers(len(scene.rig))), rng.uniform(0.5, 1.5, DISTURBED)
     stuck = scene.sets[BEFORE].images[camera].pixels
     axis = rng.choice([-1.0, 1.0]) * np.eye(3)[int(rng.integers(2))]
+    own = [one.images[camera] for one in scene.sets]
+    late = {image.stamp_ns: own[max(row - LATE_SETS, 0)].pixels for row, image in enumerate(own)}
 
     def one(change: Callable[[int, CameraImage], CameraImage]) -> Change:
         return lambda k, i, image: change(k, image) if i == camera else image
@@ -139,7 +141,7 @@ def changes(scene: Scene, seed: int) -> dict[str, Change]:
         "defocused": one(lambda k, image: defocused(image, k, seed)),
         "covered": one(lambda k, image: handed(image, k, seed)),
         "noisy": one(lambda k, image: noisy(image, k, seed)),
-        "delayed": one(lambda k, image: replace(image, pixels=scene.sets[BEFORE + k - LATE_SETS].images[camera].pixels)),
+        "delayed": one(lambda k, image: replace(image, pixels=late[image.stamp_ns])),
         "upside_down": one(lambda k, image: replace(image, pixels=np.ascontiguousarray(image.pixels[::-1, ::-1]))),
         "calm": lambda k, i, image: image,
         "light_step": lambda k, i, image: lit(image, 0.6),
