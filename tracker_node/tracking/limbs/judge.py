@@ -180,7 +180,6 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
-        self._lost_tip_m = LOST_TIP_M * (min(length_scale(model), 1.0) if len(self.limbs) > 1 else 1.0)
         self._known_m = known_m(model)
         self._sigmas_of: tuple[Any, Any, np.ndarray] = None, None, np.zeros(0)  # of which state and covariance, the last ones
         self.reset()
@@ -453,6 +452,11 @@ class LimbJudge:
     def _tips(self) -> tuple[np.ndarray, np.ndarray]:
         """(n_limbs,) links that limbs end on, and (n_limbs, 3) where in them, meters."""
         return np.array([limb.end for limb in self.limbs]), np.array([limb.tip for limb in self.limbs])
+
+    @cached_property
+    def _lost_tip_m(self) -> float:
+        """How far off the end of a limb that is lost is, meters."""
+        return LOST_TIP_M * (min(length_scale(self._model), 1.0) if len(self.limbs) > 1 else 1.0)
 
     @cached_property
     def _masks(self) -> np.ndarray:
