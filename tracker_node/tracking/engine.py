@@ -457,11 +457,7 @@ def _denied(assessment: Assessment) -> Assessment:
     reason = "people are seen, but nobody where the body is"
     if assessment.status is Status.TRACKING:  # it, or the detector, is wrong in every camera
         reason += ", though its outline fits: are names and cameras of the points right?"
-    limbs = tuple(
-        replace(limb, status=LimbStatus.DEGRADED, reason=reason) if limb.status is LimbStatus.TRACKING else limb
-        for limb in assessment.limbs
-    )
-    return replace(assessment, status=Status.LOST, reason=reason, limbs=limbs)
+    return replace(assessment, status=Status.LOST, reason=reason, limbs=tuple(limb.doubted(reason) for limb in assessment.limbs))
 
 
 class SequentialEngine(AnyEngine):

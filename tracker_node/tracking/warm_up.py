@@ -97,11 +97,11 @@ class SmallTrackers:
 
 def _track(tracker: Tracker, configuration: Configuration, table: KeypointTable | None = None) -> None:
     """With a detector's points from the second image set on, where there is a table of them."""
+    drawn = {camera.name: _drawn(configuration, camera) for camera in tracker.rig}
+    people = {camera.name: _people(configuration, camera, table) if table else None for camera in tracker.rig}
     for i in range(_SETS):
         stamp_ns = round(i * 1e9 * tracker.config.synchronizer.image_period_s)
-        images = [CameraImage(camera.name, stamp_ns, _drawn(configuration, camera)) for camera in tracker.rig]
-        if table and i > 0:
-            images = [replace(image, people=_people(configuration, tracker.rig[image.camera], table)) for image in images]
+        images = (CameraImage(name, stamp_ns, own, people=people[name] if i > 0 else None) for name, own in drawn.items())
         tracker.step(ImageSet(stamp_ns, tuple(images)))
 
 

@@ -473,8 +473,8 @@ def test_levels_follow_what_is_seen_while_all_is_well_and_never_below_the_least(
 def test_parts_of_limbs_that_are_tracked_count_and_others_do_not():
     judge = LimbJudge(MODEL, StatusConfig())
     told(judge, evidence(), 10)
-    told(judge, evidence(left_shank=0.1, right_forearm=None), 3)
-    weights = judge.part_weights()
+    reports = tuple(told(judge, evidence(left_shank=0.1, right_forearm=None), 3).values())
+    weights = judge.part_weights(reports)
     assert weights.shape == (N_SHAPES,)
     for limb in judge.limbs:
         assert (weights[limb.shapes] == (limb.name not in ("left_shank", "right_forearm"))).all()
@@ -534,9 +534,11 @@ def test_a_limb_of_which_one_camera_alone_sees_enough_is_degraded_unless_points_
         reports = told(judge, seen)
         assert statuses(reports) == {"left_forearm": LimbStatus.DEGRADED}
         assert reports["left_forearm"].reason == "one camera alone sees its outline"
-        assert judge.part_weights().all()  # it goes on to be learned
+        assert judge.part_weights(tuple(reports.values())).all()  # it goes on to be learned
     assert not statuses(told(judge, seen, told_joints=True))
     assert not statuses(told(judge, seen, others=np.full(len(NAMES), -6.0)))
+    assert not statuses(told(judge, seen))  # two have seen it just now
+    assert statuses(told(judge, seen)) == {"left_forearm": LimbStatus.DEGRADED}
     seen.expected[1, forearm] *= 2.0
     assert not statuses(told(judge, seen))
 

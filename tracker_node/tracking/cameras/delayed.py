@@ -14,6 +14,7 @@ from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Configuration, State
 from ...observation.image_set import CameraImage, ImageSet
+from ...observation.keypoints.people import Person
 from ..estimate import DELAYED, CameraFault
 
 _BIN_NS = 33_333_333
@@ -55,7 +56,6 @@ class DelayedCameras:
         self._names: tuple[str, ...] = ()
         self._stamps = np.full((n, _KEPT), -1)  # of what is kept of each camera, the oldest overwritten first
         self._rays = np.zeros((n, _KEPT, 0, 3))  # unit, in the world; nan for a point that is not sure
-        self._n_looked = 0
         self._sums, self._counts = np.zeros((2, n, n, 2 * _REACH + 1))  # of the distances, by how much later the first camera is
         self._late: tuple[int, int] = -1, 0  # the camera that was found late last, and in how many sets in a row
         self.faults: tuple[CameraFault, ...] = ()
@@ -76,8 +76,8 @@ class DelayedCameras:
         if last_ns >= 0 and stamp_ns - last_ns < _EVERY_NS:
             return
         now = [_alone(image_set.get(camera.name)) for camera in self._rig]
-        names = {image.people[0].names for image in now if image is not None and image.people}
-        if sum(image is not None for image in now) < 2 or len(names) != 1:
+        names = {person.names for person in now if person is not None}
+        if sum(person is not None for person in now) < 2 or len(names) != 1:
             return
         if names != {self._names}:
             self.reset()
@@ -86,12 +86,10 @@ class DelayedCameras:
         forgotten = np.exp(-(stamp_ns - last_ns) / _MEMORY_NS) if last_ns >= 0 else 1.0
         self._sums *= forgotten
         self._counts *= forgotten
-        at = self._n_looked % _KEPT
-        self._n_looked += 1
-        for i, (camera, image) in enumerate(zip(self._rig, now, strict=True)):
-            self._stamps[i, at] = -1
-            if image is not None and image.people:
-                person, self._stamps[i, at] = image.people[0], stamp_ns
+        at = int(self._stamps.max(axis=0).argmin())
+        for i, (camera, person) in enumerate(zip(self._rig, now, strict=True)):
+            self._stamps[i, at] = -1 if person is None else stamp_ns
+            if person is not None:
                 rays, _ = camera.model.rays(person.pixels)
                 self._rays[i, at] = np.where((person.scores > _SURE)[:, None], rays @ camera.T_world_cam[:3, :3].T, np.nan)
         _add_distances(self._rays, self._stamps, at, self._centers, self._far_m, self._sums, self._counts)
@@ -121,10 +119,10 @@ class DelayedCameras:
         self.faults = (CameraFault(name, DELAYED, 1e-9 * size_ns, 1e-9 * _BIN_NS, since_ns, rivals),)
 
 
-def _alone(image: CameraImage | None) -> CameraImage | None:
-    """An image that shows one person, found in itself; else None."""
-    found = image is not None and image.people is not None and image.people_stamp_ns is None and len(image.people) == 1
-    return image if found else None
+def _alone(image: CameraImage | None) -> Person | None:
+    """The only person in an image, found in itself; None where there is none, or several."""
+    people = () if image is None or image.people_stamp_ns is not None else image.people or ()
+    return people[0] if len(people) == 1 else None
 
 
 @compiled

@@ -46,6 +46,7 @@ _CLEAR = 0.75  # ...nor one of whose outline so much is found, where it is in pl
 _START = 0.3  # probability of lost that a limb starts with
 _SECOND_VIEW = 0.3  # of its samples in the camera that sees most of a limb, which another one has where its depth is known...
 _LEAST_IN_SECOND = 5  # ...and at least so many
+_FLAT_SETS = 2  # in a row without another one, from which on what two have seen before tells its depth no more
 _FLAT = "one camera alone sees its outline"
 _LEAST_WIDTH_PX = 2.5  # of a limb that outlines tell from others; of narrower ones of a drawn figure 3 % were wrong and TRACKING
 
@@ -199,7 +200,7 @@ class LimbJudge:
         self._confirmed = np.ones(len(self.limbs), dtype=np.bool_)
         self._guessed = np.zeros(len(self.limbs), dtype=np.bool_)
         self.rivals = np.zeros(len(self.limbs), dtype=np.bool_)
-        self._to_learn = np.ones(len(self.limbs), dtype=np.bool_)
+        self._flat_sets = np.full(len(self.limbs), _FLAT_SETS)  # image sets in a row in which one camera alone saw each
 
     @property
     def by_probability(self) -> list[tuple[Limb, float]]:
@@ -253,22 +254,20 @@ class LimbJudge:
         if self._levels is None:
             self._levels = self._first_levels(measures)
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
-        doubts, flat = [self._deep(depth_m)] * len(self.limbs), [""] * len(self.limbs)
+        doubts = [self._deep(depth_m)] * len(self.limbs)
+        flat = self._seen_by_one(evidence) if others is None and not told_joints else np.zeros(len(self.limbs), dtype=np.bool_)
+        self._flat_sets = np.where(flat, self._flat_sets + 1, 0)
         if others is None:
-            doubts = [deep or _narrow(px) for deep, px in zip(doubts, (px_per_m * self._widths_m).tolist(), strict=True)]
-            if not told_joints:
-                flat = [_FLAT if one else "" for one in self._seen_by_one(evidence).tolist()]
+            by_outlines = map(_doubt, (px_per_m * self._widths_m).tolist(), self._flat_sets.tolist())
+            doubts = [deep or doubt for deep, doubt in zip(doubts, by_outlines, strict=True)]
             others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
         beside = self._config.evidence_limit if own_surfaces else _BESIDE
         empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
         each = zip(measures, sigmas.tolist(), others.tolist(), told, strict=True)
-        reports = [self._limb(i, *of_limb, beside) for i, of_limb in enumerate(each)]
-        reports = list(map(LimbReport.doubted, reports, doubts))
-        # The colors of one that a camera sees well are learned all the same: without, it is lost next
-        self._to_learn = np.array([report.status is LimbStatus.TRACKING for report in reports])
-        return tuple(map(LimbReport.doubted, reports, flat))
+        reports = (self._limb(i, *of_limb, beside) for i, of_limb in enumerate(each))
+        return tuple(map(LimbReport.doubted, reports, doubts))
 
     def _trunk_by_limbs(self, measures: Sequence[np.ndarray | None]) -> float:
         """Log odds of the trunk being lost by the limbs that hang on it; nan unless most of those that are seen are in place.
@@ -471,11 +470,11 @@ class LimbJudge:
         radii = np.array([rows[:, [START_RADIUS, END_RADIUS]].max(initial=0.0) for rows in self._model.capsules])
         return np.array([2.0 * np.median(radii[limb.shapes]) if limb.shapes.any() else np.inf for limb in self.limbs])
 
-    def part_weights(self) -> np.ndarray:
-        """(n_shapes,) 1 for the parts of limbs that are TRACKING, also where one camera alone sees them, 0 for others."""
+    def part_weights(self, reports: Sequence[LimbReport]) -> np.ndarray:
+        """(n_shapes,) 1 for the parts of limbs that are TRACKING, or in place where one camera alone sees them; 0 for others."""
         result = np.ones(len(self._model.shapes))
-        for limb, is_in_place in zip(self.limbs, self._to_learn, strict=True):
-            if not is_in_place:
+        for limb, report in zip(self.limbs, reports, strict=True):
+            if report.status is not LimbStatus.TRACKING and report.reason != _FLAT:  # without its colors it is lost next
                 result[limb.shapes] = 0.0
         return result
 
@@ -494,9 +493,11 @@ class LimbJudge:
         return result
 
 
-def _narrow(width_px: float) -> str:
+def _doubt(width_px: float, flat_sets: int) -> str:
     """Why a limb that is where its outline is may be elsewhere all the same; "" if there is no reason."""
-    return f"it is {width_px:.1f} pixels wide" if width_px < _LEAST_WIDTH_PX else ""
+    if width_px < _LEAST_WIDTH_PX:
+        return f"it is {width_px:.1f} pixels wide"
+    return _FLAT if flat_sets >= _FLAT_SETS else ""
 
 
 def _beyond(distance: float, sigma: float) -> float:

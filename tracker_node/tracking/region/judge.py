@@ -108,7 +108,7 @@ class RegionJudge(Judge):
             status, reason = Status.DEGRADED, doubt
         return Assessment(
             status, reason, noise=is_noise(evidence) and by_points is None, jumped=fit.jumped, limbs=reports,
-            dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(),
+            dof_weights=self.limbs.dof_weights(reports), part_weights=self.limbs.part_weights(reports),
             log_ratio=_log_ratio(evidence), support=_support(evidence),
             shown=None if points is None else shares_found(points, fit.state, self._rig, image_set), doubt_rad=doubt_rad,
         )  # fmt: skip
