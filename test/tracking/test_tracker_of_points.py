@@ -20,6 +20,7 @@ from helpers.bodies.detected_people import (
 )
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.errors import TrackerError
+from tracker_node.geometry import se3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.keypoints import COCO_17
 from tracker_node.observation.image_set import ImageSet
@@ -177,6 +178,24 @@ def test_detectors_are_sent_where_the_body_is_expected(followed):
     for (crop,), there in zip(made.expected_crops(9 * PERIOD_NS), crops_of(HUMAN, RIG, true(9)), strict=True):
         np.testing.assert_allclose(crop.center, there.center, atol=12.0)
         assert crop.size == pytest.approx(there.size, rel=0.1)
+
+
+def test_a_body_is_found_anew_once_a_camera_is_known_to_be_late_that_may_have_turned_it():
+    """It is turned by 140 degrees until then, as images of two moments may have left it; by itself it stays so."""
+    rig, turned = circle_rig(4), standing(turned=2.5).T_world_root[:3, :3]
+    made, n_named = Tracker(rig, HUMAN, from_dict(QUICK)), 0
+    for i in range(40):
+        now, before = (true(k, -0.5 * k * PERIOD_NS * 1e-9) for k in (i, i - 12))
+        if not n_named:
+            made.set_state(State(se3.from_rotation_translation(turned, now.T_world_root[:3, 3]), now.joint_positions))
+        rng = np.random.default_rng(i)
+        found = [(person_at(c, places(before if c.name == "cam03" else now), rng, 1.0),) for c in rig]
+        estimate = made.step(image_set(rig, found, round(i * PERIOD_NS), SMALL))
+        n_named += bool(estimate.faults)
+        assert bool(off_m(estimate.state, now).mean() < 0.03) is (n_named > 0), i
+        if n_named == 3:
+            return
+    pytest.fail("nobody is named")
 
 
 def test_another_person_and_swaps_do_no_harm(followed):

@@ -54,8 +54,9 @@ class _Track:
 
     ``log_ratio``: of the last assessment. ``start``: its last state, or the one that was given; None: it is not known. ``lost``:
     image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
-    since it was found in which a limb was lost; None: there was one without. ``turned``: why it may be turned otherwise, of a
-    body that looks the same then. ``doubt``: variance of its turn that has added up since it was TRACKING, radians^2.
+    since it was found in which a limb was lost; None: there was one without. ``spoiled``: a camera that is left out now has shown
+    another moment until then. ``turned``: why it may be turned otherwise, of a body that looks the same then. ``doubt``: variance
+    of its turn that has added up since it was TRACKING, radians^2.
     """
 
     engine: AnyEngine
@@ -65,6 +66,7 @@ class _Track:
     lost: int = 0
     held: int = 0
     unproven: int | None = 0
+    spoiled: bool = False
     turned: str = ""
     doubt: float = 0.0
 
@@ -358,6 +360,7 @@ class Tracker:
         began = time.perf_counter()
         self.learn()
         image_set, images = self._in_first_light(self._trust.trusted(image_set, self._track.start, bool(self._track.lost)))
+        self._track.spoiled |= self._trust.spoiled
         people: PeopleSeen = ()
         if self._late is not None:
             self._go_back(self._late.since(image_set))
@@ -490,12 +493,20 @@ class Tracker:
         return assessment
 
     def _begin_where_found(self, people: PeopleSeen) -> bool:
-        """Begin where a detector has found a body that is not known, or LOST; whether it has."""
-        wanted = self._late is not None and (self._track.start is None or self._track.lost >= _LOST_SETS)
-        begin = self._track.engine.find(people, self._near) if wanted else None
-        if begin is not None:
-            self._restart(begin)
-        return begin is not None
+        """Begin where a detector has found a body that is not known, LOST, or bent by images of another moment; whether it has.
+
+        One that is not lost is near where it was, whoever else is found.
+        """
+        track = self._track
+        lost = track.start is None or track.lost >= _LOST_SETS
+        if self._late is None or not (lost or track.spoiled):
+            return False
+        here = None if lost or track.start is None else track.start.T_world_root[:3, 3]
+        begin = track.engine.find(people, self._near if here is None else here)
+        if begin is None or (here is not None and np.linalg.norm(begin.T_world_root[:3, 3] - here) > _SAME_PLACE_M):
+            return False
+        self._restart(begin)
+        return True
 
     def _go_back(self, past: list[PastSet]) -> None:
         """Go through some image sets again, the first of which has points now; where the body is not found in that, all stays."""

@@ -66,36 +66,37 @@ class DelayedCameras:
         return [self._rig.names.index(fault.camera) for fault in self.faults if not fault.rivals]
 
     def look(self, image_set: ImageSet) -> None:
-        """Take in the points of one set; images that show several persons, or points of earlier images, are left out.
+        """Take in the points of one set, each at the stamp of the image that it was found in; not those of several persons.
 
         Parameters
         ----------
         image_set : whatever is believed of its cameras.
         """
-        stamp_ns, last_ns = image_set.stamp_ns, int(self._stamps.max())
-        if last_ns >= 0 and stamp_ns - last_ns < _EVERY_NS:
-            return
-        now = [_alone(image_set.get(camera.name)) for camera in self._rig]
-        names = {person.names for person in now if person is not None}
-        if sum(person is not None for person in now) < 2 or len(names) != 1:
+        found = [_alone(image_set.get(camera.name)) for camera in self._rig]
+        newest = self._stamps.max(axis=1)
+        fresh = [each is not None and each[1] >= newest[i] + _EVERY_NS for i, each in enumerate(found)]
+        names = {each[0].names for each, new in zip(found, fresh, strict=True) if each is not None and new}
+        if len(names) != 1:
             return
         if names != {self._names}:
             self.reset()
-            self._names, last_ns = names.pop(), -1
+            self._names, newest = names.pop(), self._stamps.max(axis=1)
             self._rays = np.zeros((*self._stamps.shape, len(self._names), 3))
-        forgotten = np.exp(-(stamp_ns - last_ns) / _MEMORY_NS) if last_ns >= 0 else 1.0
-        self._sums *= forgotten
-        self._counts *= forgotten
-        at = int(self._stamps.max(axis=0).argmin())
-        for i, (camera, person) in enumerate(zip(self._rig, now, strict=True)):
-            self._stamps[i, at] = -1 if person is None else stamp_ns
-            if person is not None:
+        at = np.where(fresh, self._stamps.argmin(axis=1), -1)
+        for i, (camera, each) in enumerate(zip(self._rig, found, strict=True)):
+            if each is not None and fresh[i]:
+                person, self._stamps[i, at[i]] = each
                 rays, _ = camera.model.rays(person.pixels)
-                self._rays[i, at] = np.where((person.scores > _SURE)[:, None], rays @ camera.T_world_cam[:3, :3].T, np.nan)
+                self._rays[i, at[i]] = np.where((person.scores > _SURE)[:, None], rays @ camera.T_world_cam[:3, :3].T, np.nan)
+        stamp_ns, last_ns = int(self._stamps.max()), int(newest.max())
+        if last_ns >= 0:
+            forgotten = np.exp(-(stamp_ns - last_ns) / _MEMORY_NS)
+            self._sums *= forgotten
+            self._counts *= forgotten
         _add_distances(self._rays, self._stamps, at, self._centers, self._far_m, self._sums, self._counts)
-        self._judge(stamp_ns)
+        self._judge(stamp_ns, max(_BIN_NS, (stamp_ns - last_ns) // 2))
 
-    def _judge(self, stamp_ns: int) -> None:
+    def _judge(self, stamp_ns: int, sigma_ns: int) -> None:
         """Name the camera whose rays meet those of all others at one other lag; of two cameras nobody knows which."""
         sums, counts = self._sums.sum(axis=1), self._counts.sum(axis=1)
         enough = counts >= _LEAST_POINTS
@@ -116,35 +117,37 @@ class DelayedCameras:
         name, size_ns = self._rig.names[camera], (int(best[camera]) - _REACH) * _BIN_NS
         since_ns = next((fault.since_ns for fault in self.faults if fault.camera == name), stamp_ns)
         rivals = tuple(other for other in self._rig.names if other != name) if len(self._rig) == 2 else ()
-        self.faults = (CameraFault(name, DELAYED, 1e-9 * size_ns, 1e-9 * _BIN_NS, since_ns, rivals),)
+        self.faults = (CameraFault(name, DELAYED, 1e-9 * size_ns, 1e-9 * sigma_ns, since_ns, rivals),)
 
 
-def _alone(image: CameraImage | None) -> Person | None:
-    """The only person in an image, found in itself; None where there is none, or several."""
-    people = () if image is None or image.people_stamp_ns is not None else image.people or ()
-    return people[0] if len(people) == 1 else None
+def _alone(image: CameraImage | None) -> tuple[Person, int] | None:
+    """The only person in an image, with the stamp of the image that shows it; None where there is none, or several."""
+    if image is None or image.people is None or len(image.people) != 1:
+        return None
+    return image.people[0], image.stamp_ns if image.people_stamp_ns is None else image.people_stamp_ns
 
 
 @compiled
 def _add_distances(rays, stamps, at, centers, far_m, sums, counts):
-    """Add the distances between the rays of the sets at index ``at`` and those of the other cameras, of any set.
+    """Add the distances between the rays of cameras at their indices ``at`` (c,) and those of the others, at any of theirs.
 
-    ``rays`` (c, n_kept, n_points, 3) and ``stamps`` (c, n_kept) are what is kept; ``sums`` and ``counts`` (c, c, n_lags).
+    Where ``at`` is -1 nothing is new. ``rays`` (c, n_kept, n_points, 3) and ``stamps`` (c, n_kept) are what is kept; ``sums`` and
+    ``counts`` (c, c, n_lags).
     """
     n_cameras, n_kept, n_points = rays.shape[:3]
     for i in range(n_cameras):
-        if stamps[i, at] < 0:
+        if at[i] < 0:
             continue
         for j in range(n_cameras):
             for k in range(n_kept):
-                if j == i or stamps[j, k] < 0 or (k == at and j < i):  # what is of the same set is taken once
+                if j == i or stamps[j, k] < 0 or (k == at[j] and j < i):  # of two that are new, once
                     continue
-                lag = int(np.rint((stamps[i, at] - stamps[j, k]) / _BIN_NS))
+                lag = int(np.rint((stamps[i, at[i]] - stamps[j, k]) / _BIN_NS))
                 if abs(lag) > _REACH:
                     continue
                 total, count = 0.0, 0
                 for p in range(n_points):
-                    a, b = rays[i, at, p], rays[j, k, p]
+                    a, b = rays[i, at[i], p], rays[j, k, p]
                     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
                     sine = np.sqrt(x * x + y * y + z * z)
                     if sine > _LEAST_SINE:  # not so of nan

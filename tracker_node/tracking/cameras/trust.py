@@ -34,6 +34,7 @@ class CameraTrust:
     Attributes
     ----------
     left_out : names of the cameras whose images of the latest set are not used.
+    spoiled : whether a camera has just been found late: it has shown another moment in the sets before.
     """
 
     def __init__(self, rig: CameraRig, model: ArticulatedModel, config: TrackerConfig):
@@ -53,6 +54,7 @@ class CameraTrust:
         self._bumped.reset()
         self._delayed.reset()
         self.left_out: list[str] = []
+        self.spoiled = False
         self._shown: tuple[int, Images] | None = None
 
     def skip(self) -> None:
@@ -87,7 +89,9 @@ class CameraTrust:
         images = [image_set.get(camera.name) for camera in self._rig]
         shown = [None if image is None else image.pixels for image in images]
         self._shown = image_set.stamp_ns, shown
+        before = self._delayed.far_off
         self._delayed.look(image_set)
+        self.spoiled = not set(self._delayed.far_off) <= set(before)
         over = set(self._frozen.look(image_set.stamp_ns, shown, state))
         if state is not None and not lost:
             over.update(self._blinded.left_out)
