@@ -1,5 +1,7 @@
 """Lags by flashes: each says no more than an interval, all of them together a short one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,18 @@ def test_flashes_of_other_times_give_no_pair():
     assert not pairs or pairs[0].correlation < 0.7
 
 
+def test_places_where_somebody_moves_are_no_flashes_in_common():
+    """Of two and three that meet nowhere, one always meets another at some lag; so do two, of those of a lamp, now and then."""
+    assert flash_lags([seen("a", 0.0, flashes=[5.0, 9.0]), seen("b", 0.1, flashes=[5.3, 11.0, 20.0])], 2.0)[0] == []
+    for n, fits in ((1, False), (2, False), (6, True)):
+        lamps = [replace(seen(name, late, flashes=FLASHES_S[:n]), in_room=False) for name, late in (("a", 0.0), ("b", 0.1))]
+        if fits:
+            assert flash_lags(lamps, 2.0)[0][0].lag[0] == pytest.approx(-0.1, abs=0.01)
+        else:
+            with pytest.raises(CalibrationError, match=f"'a': {n} changes? of light .* may be somebody who moves"):
+                flash_lags(lamps, 2.0)
+
+
 def images(n: int, bright: set[int], part: tuple[slice, slice] = (slice(None), slice(None)), gain: float = 40.0):
     rng = np.random.default_rng(1)
     for i in range(n):
@@ -71,13 +85,13 @@ def images(n: int, bright: set[int], part: tuple[slice, slice] = (slice(None), s
 def test_flashes_are_found_beside_what_moves():
     found = seen_flashes("a", images(80, {11, 30, 31, 55}))
     assert found.times_s == pytest.approx([0.44, 1.2, 2.2]) and found.period_s == pytest.approx(0.04)
-    assert len(found.stamps_s) == len(found.levels) == 80
+    assert len(found.stamps_s) == len(found.levels) == 80 and found.in_room
 
 
 def test_a_lamp_in_a_corner_is_found():
     corner = (slice(60, 72), slice(100, 128))
     found = seen_flashes("a", images(80, set(range(20, 40)) | {60}, corner, 120.0))
-    assert found.times_s == pytest.approx([0.8, 2.4])
+    assert found.times_s == pytest.approx([0.8, 2.4]) and not found.in_room
 
 
 def test_where_nothing_flashes_it_is_said():

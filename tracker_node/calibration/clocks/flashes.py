@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.special import pdtrc
 
 from ...errors import CalibrationError
 from .motion import Lag, Pair, check_images, pairs_that_agree
@@ -20,6 +21,7 @@ from .motion import Lag, Pair, check_images, pairs_that_agree
 _GRID = (32, 18)  # blocks of an image
 _NOISE, _LEAST_LEVELS = 6.0, 4.0  # by how many times its usual change, and gray levels, a flash is brighter than before
 _LEAST_SHARE = 0.6  # of the flashes that two cameras have in common
+_BY_CHANCE = 0.05  # lags at which so many places of light that changes would meet, were they somebody who moves, at most
 _HALF_LIT = 0.06  # of an image period: exposures and codecs show half of a change sooner or later, all of them alike
 _NEAR_PERIODS, _LEAST_SIGMA_S = 2.0, 1e-5
 _GRID_OF_LAGS, _MISSED = 600, 0.01  # places of the posterior; probability that a flash is not seen, or another one is
@@ -36,6 +38,7 @@ class Flashes:
     period_s : of its images.
     stamps_s, levels : (m,) of all images, and how bright they are.
     kinds : (n,) only those of one kind are the same in two cameras; None: all are.
+    in_room : whether they have lit most of its images, or nothing but a lamp: a limb that moves lights a few places as well.
     """
 
     camera: str
@@ -44,6 +47,7 @@ class Flashes:
     stamps_s: np.ndarray
     levels: np.ndarray
     kinds: np.ndarray | None = None
+    in_room: bool = True
 
 
 def gray_blocks(
@@ -88,20 +92,26 @@ def seen_flashes(camera: str, images: Iterable[tuple[int, np.ndarray]]) -> Flash
     CalibrationError : too few images, or none that is brighter at once.
     """
     times, blocks = gray_blocks(camera, images, _GRID)
-    levels = _level(blocks)
-    steps = np.diff(levels, prepend=levels[0])
-    usual = 1.4826 * float(np.median(np.abs(steps - np.median(steps))))
-    least = max(_NOISE * usual, _LEAST_LEVELS)
-    came = set(np.flatnonzero(steps > least).tolist())
+    whole = np.median(blocks, axis=1)
+    levels = _level(blocks, whole)
+    brighter = _brighter(levels)
+    came = set(np.flatnonzero(brighter).tolist())
     first = sorted(k for k in came if k - 1 not in came)
     if not first:
         raise CalibrationError(camera, "no flash is seen in its images: none is brighter than the one before by more than usual")
-    return Flashes(camera, times[first], float(np.median(np.diff(times))), times, levels)
+    in_room = bool(_brighter(whole)[first].all())
+    return Flashes(camera, times[first], float(np.median(np.diff(times))), times, levels, in_room=in_room)
 
 
-def _level(blocks: np.ndarray) -> np.ndarray:
+def _brighter(levels: np.ndarray) -> np.ndarray:
+    """(n,) whether each image is brighter than the one before by more than usual."""
+    steps = np.diff(levels, prepend=levels[0])
+    usual = 1.4826 * float(np.median(np.abs(steps - np.median(steps))))
+    return steps > max(_NOISE * usual, _LEAST_LEVELS)
+
+
+def _level(blocks: np.ndarray, whole: np.ndarray) -> np.ndarray:
     """How bright each image is: what most of it says, or the few blocks of a lamp that switches, whichever stands out more."""
-    whole = np.median(blocks, axis=1)
     jumps = np.abs(np.diff(blocks, axis=0))
     usual = np.median(jumps, axis=0) + 1.0
     outstanding = np.sort(jumps, axis=0)[-4:].mean(axis=0) / usual
@@ -126,8 +136,18 @@ def flash_lags(seen: Sequence[Flashes], max_offset_s: float) -> tuple[list[Pair]
     -------
     pairs : of those that have flashes in common.
     runners_up : of each camera, how many flashes fit another lag, in shares of those that fit the best.
+
+    Raises
+    ------
+    CalibrationError : a camera whose flashes may be anything that moves.
     """
-    return pairs_that_agree(seen, lambda a, b: _lag(a, b, max_offset_s))
+    pairs, runners_up = pairs_that_agree(seen, lambda a, b: _lag(a, b, max_offset_s))
+    for k, camera in enumerate(seen):
+        if not camera.in_room and not any(k in (pair.i, pair.j) for pair in pairs):
+            n, expected = len(camera.times_s), "expected flashes that light the room, or a lamp switched on five times or more"
+            seen_n = f"{n} change{'s' * (n != 1)} of light in one place of its images"
+            raise CalibrationError(camera.camera, f"{seen_n} may be somebody who moves, and fit no other camera's: {expected}")
+    return pairs, runners_up
 
 
 def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> Lag | None:
@@ -144,8 +164,12 @@ def _lag(a: Flashes, b: Flashes, max_offset_s: float) -> Lag | None:
     places = np.arange(near[0] - reach, near[-1] + reach + step, step)
     counts = np.searchsorted(near, places + reach) - np.searchsorted(near, places - reach)
     most, fewer = int(counts.max()), min(len(a.times_s), len(b.times_s))
-    if most < _LEAST_SHARE * fewer:
+    if most < _LEAST_SHARE * fewer or (most == 1 and max(len(a.times_s), len(b.times_s)) > 1):  # any two meet at some lag
         return None
+    if not (a.in_room and b.in_room):
+        by_chance = differences.size * reach / max_offset_s  # at a lag
+        if float(pdtrc(most - 1, by_chance)) * max_offset_s / reach > _BY_CHANCE:
+            return None
     best = np.flatnonzero(counts == most)
     runs = np.split(best, np.flatnonzero(np.diff(best) > 1) + 1)  # lags that fit alike, as of a lamp that blinks evenly
     rough = float(min((places[run].mean() for run in runs), key=abs))
