@@ -92,3 +92,17 @@ def test_covariances_are_symmetric_afterwards():
 def test_a_person_without_a_place_or_with_a_point_twice_is_refused(wrong):
     with pytest.raises(ValueError, match=r"finite numbers for score and box|each name of a point once"):
         checked(replace(GOOD, **wrong))
+
+
+@pytest.mark.parametrize("box", [(0.0, 0.0, 0.0, 0.0), (50.0, 10.0, 20.0, 90.0)])
+def test_a_box_that_is_none_is_that_of_the_points(box):
+    seen = GOOD.pixels[GOOD.scores > 0.0]
+    left, top, right, bottom = checked(replace(GOOD, box=box)).box
+    assert left < seen[:, 0].min() and right > seen[:, 0].max() and top < seen[:, 1].min() and bottom > seen[:, 1].max()
+    assert right - left < 2.0 * max(np.ptp(seen, axis=0))
+    assert checked(replace(GOOD, box=box, scores=np.zeros(3))).box == box
+
+
+def test_points_that_are_shares_of_the_image_are_refused():
+    with pytest.raises(ValueError, match="expected pixels, got points between 0 and 1"):
+        checked(replace(GOOD, pixels=np.array([[0.2, 0.1], [0.5, 0.4], [0.9, 1.0]])))

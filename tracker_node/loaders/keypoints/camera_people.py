@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...errors import FileFormatError, UnknownNameError
-from ...observation.keypoints.people import People, Person
+from ...observation.keypoints.people import People, Person, box_around
 from ..source_address import files_of_cameras
 from .files import names_of
 
@@ -23,7 +23,6 @@ LARGEST_PX = 1e6
 """No pixel of a real image is beyond."""
 MOST_IMAGES = 10_000_000
 """Image numbers are below."""
-_AROUND = 0.1  # of the longer side: how far a person goes on beyond the outermost points
 
 
 @dataclass(frozen=True)
@@ -130,7 +129,7 @@ class CameraPeople(Mapping[int, People]):
         scores = found.points[:, 2]
         seen = scores > 0.0
         pixels = found.points[:, :2] * self.scale + self.shift
-        box = _box_of(pixels[seen]) if found.box is None else self._placed(found.box)
+        box = box_around(pixels[seen]) if found.box is None else self._placed(found.box)
         pixels[~seen] = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
         sigmas = self.rule.sigma_px(scores, max(box[2] - box[0], box[3] - box[1]))
         score = float(scores[seen].mean()) if found.score is None else found.score
@@ -143,12 +142,6 @@ class CameraPeople(Mapping[int, People]):
 
 PointsByCamera = dict[str, CameraPeople]
 """Name of a camera's file or folder -> people in its images."""
-
-
-def _box_of(pixels: np.ndarray) -> tuple[float, float, float, float]:
-    least, most = pixels.min(axis=0), pixels.max(axis=0)
-    margin = max(_AROUND * float((most - least).max()), 0.5)
-    return float(least[0] - margin), float(least[1] - margin), float(most[0] + margin), float(most[1] + margin)
 
 
 def found_points(values: np.ndarray, file: str, where: str) -> np.ndarray:

@@ -64,6 +64,7 @@ People = tuple[Person, ...]
 """The people in one image, in no particular order."""
 
 
+_AROUND = 0.1  # of the longer side: how far a person goes on beyond the outermost points
 _FAR_PX = 1e6  # no point is farther from the image than this
 _FAR_M = 1e3  # nor one of a skeleton from the others
 
@@ -112,10 +113,18 @@ def rearranged(person: Person, rows: Sequence[int]) -> Person:
     )  # fmt: skip
 
 
+def box_around(pixels: np.ndarray) -> tuple[float, float, float, float]:
+    """A person's box by (n, 2) points that were found, which end before the person does."""
+    least, most = pixels.min(axis=0), pixels.max(axis=0)
+    margin = max(_AROUND * float((most - least).max()), 0.5)
+    return float(least[0] - margin), float(least[1] - margin), float(most[0] + margin), float(most[1] + margin)
+
+
 def checked(person: Person) -> Person:
     """A person of whose points the impossible ones are as if they had not been found: score 0.
 
-    Covariances are symmetric after that to the last bit, so messages need one half of them.
+    Covariances are symmetric after that to the last bit, so messages need one half of them. A box that is none is that of the
+    points.
 
     Parameters
     ----------
@@ -127,7 +136,7 @@ def checked(person: Person) -> Person:
 
     Raises
     ------
-    ValueError : score or box are not finite, or a name comes twice.
+    ValueError : score or box are not finite, a name comes twice, or points are shares of the image.
     """
     if len(set(person.names)) != len(person.names):
         raise ValueError("expected each name of a point once")
@@ -139,7 +148,11 @@ def checked(person: Person) -> Person:
         found &= (person.scores >= 0.0) & (person.scores <= 1.0)
         found &= (uu >= 0.0) & (vv >= 0.0) & (uv * uv <= uu * vv * (1.0 + 1e-9))
     covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
-    skeleton = person.skeleton
+    skeleton, box, seen = person.skeleton, person.box, person.pixels[found & (person.scores > 0.0)]
+    if len(seen) > 1 and np.abs(seen - 0.5).max() <= 0.5 and np.ptp(seen, axis=0).any():
+        raise ValueError("expected pixels, got points between 0 and 1: are they shares of the image?")
+    if len(seen) and not (box[2] > box[0] and box[3] > box[1]):
+        box = box_around(seen)
     if skeleton is not None:
         skeleton = np.where((found & (np.abs(skeleton) < _FAR_M).all(axis=1))[:, None], skeleton, np.nan)
     return replace(
@@ -147,5 +160,6 @@ def checked(person: Person) -> Person:
         pixels=np.where(found[:, None], person.pixels, 0.0),
         covariances=np.where(found[:, None, None], covariances, np.eye(2)),
         scores=np.where(found, person.scores, 0.0),
+        box=box,
         skeleton=skeleton,
     )
