@@ -77,6 +77,15 @@ def test_each_who_comes_has_a_run_until_he_has_left(recording, capsys):
     assert "guest_1" in capsys.readouterr().err and (output / "guest_2" / "states.csv").exists()
 
 
+def test_who_comes_when_all_names_are_used_is_told_of(tmp_path, capsys):
+    path = write_recording(tmp_path)
+    path.write_text(path.read_text().replace("name: guest", "name: guest, most: 1"))
+    assert main(["track", str(path), "--quiet"]) == 0
+    said = "somebody has come for whom no name is left: joining.most is 1"
+    assert said in capsys.readouterr().err
+    assert said in json.loads((tmp_path / "out" / "guest_1" / "run.json").read_text())["notes"]
+
+
 def test_python_tracks_them_as_the_command_does(recording, tmp_path, monkeypatch):
     monkeypatch.chdir(recording.parent)
     runs = tracker_node.track_bodies("recording.yaml", tmp_path / "python")

@@ -225,7 +225,8 @@ def run_together(
         if any(REGION in each.config.modalities for each in everybody):
             compile_ahead(show_progress)
         trackers = {name: body.tracker for name, body in followers.bodies.items()}
-        loop = TrackingLoop(Bodies(trackers, at_once, followers.joining(rig)), prepared)
+        bodies = Bodies(trackers, at_once, followers.joining(rig))
+        loop = TrackingLoop(bodies, prepared)
         try:
             _track(run, loop, stream, followers, progress)
         except TrackerError as error:
@@ -237,6 +238,9 @@ def run_together(
             if joint_states is not None and (note := joint_states.note):
                 tell(note)
                 (stream.errors if joint_states.unused else stream.notes).append(note)
+            if bodies.turned_away:
+                tell(bodies.turned_away)
+                stream.notes.append(bodies.turned_away)
             names = list(followers.bodies)
             summaries = {name: body.ended(stream, detection, names) for name, body in followers.bodies.items()}
         if not summaries:  # nobody has come

@@ -8,9 +8,13 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed")
 
+from tracker_node.model.configuration import State
+from tracker_node.model.humans.human import human_model
+from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.ros.diagnostics import OK, WARN
 from tracker_node.ros.tracker.diagnostics import LeftOut, TrackerDiagnostics, unobservable_in_short
 from tracker_node.tracking.config import TrackerConfig
+from tracker_node.tracking.estimate import Status, unknown_estimate
 
 
 @pytest.mark.parametrize("pattern", [[2, 0], [1, 0, 0], [3, 3, 0], [0, 0, 0, 6]])
@@ -52,6 +56,22 @@ def test_a_camera_whose_stamps_go_back_alone_is_named():
     assert clock() == (OK, "stamps go forward")
     counters["cam2"]["clock_jump"], formation.clock_jumps = 3, 1
     assert clock() == (WARN, "stamps went back: tracking has begun again")
+
+
+def test_who_comes_without_a_name_left_is_a_warning():
+    told = {}
+    diagnostics = TrackerDiagnostics(SimpleNamespace(report=lambda part, *status: told.update({part: status})), None)
+    image_set = ImageSet(5, (CameraImage("cam01", 5, np.zeros((2, 2), np.uint8), "mono8"),))
+    worker = SimpleNamespace(turned_away="", absent={}, estimates={}, step_ms=1.0)
+    diagnostics.estimated(worker, image_set, 6)
+    assert told == {}
+    worker.absent = {"person_1": unknown_estimate(5, "has left", State.neutral(human_model()), ("cam01",), 0.0, Status.LOST)}
+    worker.estimates = worker.absent
+    diagnostics.estimated(worker, image_set, 6)
+    assert told["joining"][0] == OK and told["person_1: status"] == (OK, "has left")
+    worker.turned_away = "no name is left"
+    diagnostics.estimated(worker, image_set, 6)
+    assert told["joining"] == (WARN, "no name is left (~/reset frees all)")
 
 
 @pytest.mark.parametrize(

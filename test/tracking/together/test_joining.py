@@ -89,9 +89,14 @@ def test_who_comes_later_is_somebody_else_and_those_who_may_come_are_so_many():
     for _ in range(4):
         shots += [shot(i, -0.9) for i in range(n, n + 10)] + [shot(i) for i in range(n + 10, n + 22)]
         n += 22
-    found = run(bodies, shots)
+    found = run(bodies, shots[:70])
+    assert not bodies.turned_away
+    found += run(bodies, shots[70:])
     seen = [tracked(found[k]) for k in (9, 31, 53, 75)]
     assert seen == [{"person_1"}, {"person_2"}, {"person_3"}, set()]  # three names are all that there are
+    assert bodies.turned_away == "somebody has come for whom no name is left: joining.most is 3"
+    bodies.reset()
+    assert not bodies.turned_away and tracked(run(bodies, [shot(i, -0.9) for i in range(10)])[-1]) == {"person_1"}
 
 
 def test_a_body_that_is_lost_does_not_become_somebody_who_comes_elsewhere():

@@ -87,6 +87,8 @@ class TrackerDiagnostics:
         self._latency_ms.append(1e-6 * (now_ns - image_set.stamp_ns))
         self._processing_ms.append(worker.step_ms)
         self._spread_ms.append(1e-6 * (max(stamps) - min(stamps)))
+        if (said := worker.turned_away) or worker.absent:
+            self._diagnostics.report("joining", WARN if said else OK, f"{said} (~/reset frees all)" if said else "names are left")
         absent = worker.absent
         for body, estimate in worker.estimates.items():
             of = f"{body}: " if body else ""

@@ -124,6 +124,12 @@ class TrackingWorker:
         tracker = self._loop.tracker
         return tracker.absent if isinstance(tracker, Bodies) else {}
 
+    @property
+    def turned_away(self) -> str:
+        """What is said where somebody has come for whom no name was left."""
+        tracker = self._loop.tracker
+        return tracker.turned_away if isinstance(tracker, Bodies) else ""
+
     def use(self, setup: TrackingSetup) -> None:
         """From the next image set on; the tracker takes over the body from the old one, and learns from the latest image set."""
 

@@ -94,6 +94,11 @@ class Bodies:
         named = {name: tracker.model for name, tracker in self._named.items()}
         return named if self._joining is None else named | self._joining.models
 
+    @property
+    def turned_away(self) -> str:
+        """See `Joining.turned_away`."""
+        return "" if self._joining is None else self._joining.turned_away
+
     def keep_joined(self, other: Bodies) -> None:
         """Those who have joined others are here too.
 

@@ -75,6 +75,7 @@ class Joining:
     ----------
     rig : the same.
     trackers : of those who are here, by name.
+    turned_away_ns : stamp of the images that have shown somebody new last while no name was free; None: nobody has come then.
     """
 
     def __init__(
@@ -91,11 +92,13 @@ class Joining:
         self._left: dict[str, tuple[ArticulatedModel, State]] = {}  # by name, and where they were last
         self._lost_since_ns: dict[str, int] = {}
         self._looks: list[tuple[int, np.ndarray]] = []  # stamps and places of people who may be new
+        self.turned_away_ns: int | None = None
 
     def keep(self, other: Joining) -> None:
         """Have those who joined another, with new trackers that know nothing yet."""
         self.trackers = {name: self._make(tracker.model, None) for name, tracker in other.trackers.items()}
         self._left, self._lost_since_ns, self._looks = other._left, other._lost_since_ns, other._looks
+        self.turned_away_ns = other.turned_away_ns
 
     @property
     def models(self) -> dict[str, ArticulatedModel]:
@@ -125,14 +128,17 @@ class Joining:
         -------
         Whether somebody has joined.
         """
-        free = self._free
-        if not free or sum(bool(persons) for persons in people) < 2:
+        if sum(bool(persons) for persons in people) < 2:
             return False
         self._looks = [look for look in self._looks if stamp_ns - look[0] <= _LOOKS_NS[1]]
         places = _places(grouped(self.rig, people), others)
         known = [(place, before) for place in places if (before := self._before(stamp_ns, place)) is not None]
         self._looks += [(stamp_ns, place) for place in places]
         if not known:
+            return False
+        free = self._free
+        if not free:
+            self.turned_away_ns = stamp_ns
             return False
         new, (before_ns, there) = known[0]
         try:
@@ -169,6 +175,12 @@ class Joining:
             if estimate.stamp_ns - since_ns >= 1e9 * self._options.gone_s:
                 del self.trackers[name]
                 self._left[name] = tracker.model, estimate.state
+
+    @property
+    def turned_away(self) -> str:
+        """What is to be said where somebody has come for whom no name was left; empty where nobody has."""
+        names = len(self._options.names)
+        return "" if self.turned_away_ns is None else f"somebody has come for whom no name is left: joining.most is {names}"
 
     def absent(self, stamp_ns: int) -> dict[str, TrackEstimate]:
         """What is to be said of those who have not come yet (INITIALIZING), and who have left (LOST where they were last).
