@@ -139,7 +139,7 @@ def test_a_file_that_was_trimmed_keeps_its_times(tmp_path, align, is_right):
     run = load_run(write_run(tmp_path / "run", tracked))
     result = evaluate(run, tracked.model, trimmed, EvaluationOptions("x", None, align), own_time=True)
     assert (result.raw.mean_mm < 1e-6) == is_right
-    said = " ".join(result.time_doubts)
+    said = " ".join(result.doubts)
     assert ("put on image 10.0" in said) == (align == "auto")
     assert is_right or "at the end of the range" in said
 

@@ -16,6 +16,7 @@ from ..tracking.limbs.tree import length_scale
 from . import metrics
 from .motion.joint_motion import AUTO
 from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, estimate_lag, image_period_ns, truth_at
+from .truth.doubts import doubts_of_truth
 from .truth.files import LIMBS, common_bones, common_joints, offset_links
 
 OnOneClock = TypeVar("OnOneClock", bound=OnAClock)
@@ -103,6 +104,7 @@ class Evaluation:
     shift_ns: int  # of the truth's own times, onto the clock of the run
     image_0_ns: int  # by that clock
     placements: int  # ways to match both clocks that errors chose among
+    truth_doubts: tuple[str, ...]  # see `truth.doubts`
     image_sets: int  # that there should be
     raw: ErrorSeries  # lag taken out
     no_lag_correction: ErrorSeries
@@ -131,8 +133,12 @@ class Evaluation:
         return self.image_sets - len(self.times_s)
 
     @property
-    def time_doubts(self) -> list[str]:
-        """Why truth and run may be matched wrongly in time, a sentence each."""
+    def doubts(self) -> list[str]:
+        """Why truth may not be what it is taken for, or else is matched wrongly in time; a sentence each."""
+        return list(self.truth_doubts) or self._time_doubts
+
+    @property
+    def _time_doubts(self) -> list[str]:
         doubts = []
         if self.placements > 1:
             image = (self.truth_start_s + (self.shift_ns - self.image_0_ns) * 1e-9) / self.period_s
@@ -236,6 +242,7 @@ def evaluate(
         shift_ns=int(truth.stamps_ns[0]) - start_ns,
         image_0_ns=image_0_ns,
         placements=len(tried),
+        truth_doubts=tuple(doubts_of_truth(estimate, truth.select(joints), image_0_ns, scale)),
         image_sets=expected_sets(run, period_ns, options.image_sets),
         raw=ErrorSeries(errors, valid),
         no_lag_correction=ErrorSeries(

@@ -319,7 +319,7 @@ def review(
     evaluation = None if joints is None else evaluate(run, model, joints, options, own_time)
     if evaluation is not None:
         found = replace(found, joints=evaluation, directions=segment_directions(evaluation), period_s=evaluation.period_s)
-        found = replace(found, problems=evaluation.time_doubts)
+        found = replace(found, problems=evaluation.doubts)
         raw, free = (landmark_nees(run, model, evaluation, offset_free) for offset_free in (False, True))
         found = replace(found, landmark_nees=raw, landmark_nees_free=free)
     if truth.states is not None:
