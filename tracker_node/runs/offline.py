@@ -294,6 +294,8 @@ class _Followed:
     ) -> dict[str, Any]:
         """Write and return the summary."""
         summary = _summary(self._run, stream, self._record, detection)
+        if doubt := self.tracker.doubt_of_size:
+            summary["notes"].append(doubt)
         if len(bodies) > 1:
             summary["bodies"] = list(bodies)
         if self._joined_after is not None:  # and there was no more of it than is here

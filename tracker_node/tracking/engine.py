@@ -191,6 +191,16 @@ class Judge(Assesses, Protocol):
 class Choice(Finds, Claims, Protocol):
     """Chooses who of the people in the images is the body."""
 
+    @property
+    def doubt_of_size(self) -> str:
+        """Why the body may not be the person's; empty where it may."""
+        ...
+
+    @property
+    def is_of_another_size(self) -> bool:
+        """Whether the body cannot be the person's."""
+        ...
+
     def reset(self) -> None:
         """Forget everything."""
         ...
@@ -228,6 +238,11 @@ class AnyEngine(Fits, Assesses, Finds, Claims, Protocol):
     """
 
     in_information_units: bool
+
+    @property
+    def doubt_of_size(self) -> str:
+        """Why the body may not be that of the person who is tracked with it; empty where it may, or nothing tells."""
+        return ""
 
     @property
     def surfaces(self) -> np.ndarray | None:
@@ -337,6 +352,10 @@ class Engine(AnyEngine):
         self._weights: np.ndarray | None = None
 
     @property
+    def doubt_of_size(self) -> str:
+        return "" if self.choice is None else self.choice.doubt_of_size
+
+    @property
     def surfaces(self) -> np.ndarray | None:
         return next((modality.surfaces for modality in self.modalities if modality.surfaces is not None), None)
 
@@ -423,6 +442,8 @@ class Engine(AnyEngine):
         assessment = self.judge.assess(fit, image_set)
         if self.choice is not None and self.choice.denied_sets(image_set.stamp_ns) >= _DENIED_SETS:
             assessment = _denied(assessment)
+        if self.choice is not None and self.choice.doubt_of_size:
+            assessment = _doubted(assessment, self.choice.doubt_of_size, self.choice.is_of_another_size)
         self._weights = assessment.part_weights
         self.solver.remember(fit, assessment)
         return assessment
@@ -448,6 +469,15 @@ class InformationOf(Protocol):
     def information_at(self, state: State) -> tuple[LeastSquaresObjective, float]:
         """Correspondences at ``state`` without priors, and their unit in units of information."""
         ...
+
+
+def _doubted(assessment: Assessment, doubt: str, certain: bool) -> Assessment:
+    """Of a body of another size than the person's: why it is in trouble, and that it is where the size is far out."""
+    if assessment.status is Status.TRACKING and not certain:
+        return assessment
+    status = Status.DEGRADED if assessment.status is Status.TRACKING else assessment.status
+    limbs = tuple(limb.doubted(doubt) for limb in assessment.limbs) if certain else assessment.limbs
+    return replace(assessment, status=status, reason="; ".join(filter(None, (assessment.reason, doubt))), limbs=limbs)
 
 
 def _denied(assessment: Assessment) -> Assessment:

@@ -157,6 +157,11 @@ class Tracker:
         return self._track.engine.in_information_units
 
     @property
+    def doubt_of_size(self) -> str:
+        """Why the body may not be that of the person who is tracked with it; empty where it may, or nothing tells."""
+        return self._track.engine.doubt_of_size
+
+    @property
     def log_ratio(self) -> float | None:
         """Log-likelihood ratio of the last assessment, see `Assessment`."""
         return self._track.log_ratio
@@ -426,7 +431,7 @@ class Tracker:
         fit = engine.fit(start, first, prior)
         fitted = time.perf_counter()
         if waiting:
-            problem = NOT_GIVEN if self._initializer is None else self._initializer.problem
+            problem = self.doubt_of_size or (NOT_GIVEN if self._initializer is None else self._initializer.problem)
             assessment, information = Assessment(Status.INITIALIZING, problem), None
         else:
             assessment = self._with_turns(engine.assess(fit, image_set), prediction)

@@ -11,7 +11,8 @@ from ...observation.keypoints.people import Person, rearranged
 from ..engine import Choice
 from ..modality import PeopleSeen, Persons
 from .modality import KeypointModality, rows_of
-from .people_groups import mirrored
+from .people_groups import grouped, mirrored
+from .proportions import Proportions
 from .start import PointStart
 
 _EXPECTED_M = 0.10  # how far from where they are expected points of a person are, as a standard deviation
@@ -43,11 +44,13 @@ class PersonChoice(Choice):
     def __init__(self, rig: CameraRig, modality: KeypointModality, start: PointStart):
         self._rig, self._modality, self._start = rig, modality, start
         self._mirrored = modality.mirrored
+        self._proportions = Proportions(rig, modality.names, modality.offsets.body)
         self.reset()
 
     def reset(self) -> None:
         """Nothing is known of swaps, and nobody has been looked for."""
         self.restart()
+        self._proportions.reset()
         self._start.reset()
 
     def restart(self) -> None:
@@ -60,7 +63,10 @@ class PersonChoice(Choice):
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """Where the body begins."""
         self._swaps[:] = _SWAP_PRIOR
-        return self._start.find(people, near)
+        found = self._start.find(people, near)
+        if found is None and (groups := grouped(self._rig, people)):
+            self._proportions.look(groups[0].persons)  # whom the body may not suit
+        return found
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:
         """The body in each camera."""
@@ -75,7 +81,19 @@ class PersonChoice(Choice):
         elif all(looked):
             self._alone_sets += 1
         self._denies = not any(chosen) and any(self._is_somebody(person) for persons in people for person in persons or ())
-        return self._with_pairs(self._as_found(chosen), places)
+        chosen = self._with_pairs(self._as_found(chosen), places)
+        self._proportions.look(chosen)
+        return chosen
+
+    @property
+    def doubt_of_size(self) -> str:
+        """Why the body may not be the person's; empty where it may."""
+        return self._proportions.doubt
+
+    @property
+    def is_of_another_size(self) -> bool:
+        """Whether the body cannot be the person's."""
+        return self._proportions.is_out
 
     def _as_found(self, chosen: list[Person | None]) -> list[Person | None]:
         """As they were found, if nearly all cameras have shown a body exchanged: a detector does not err so, a pose may."""

@@ -121,7 +121,7 @@ def _best_group(rig: CameraRig, seen: Sequence[Sequence[Person]]) -> PersonGroup
                     continue
                 pair: list[Person | None] = [None] * len(seen)
                 pair[i], pair[j] = one, other
-                group = _group(rig, pair)
+                group = met(rig, pair)
                 if group is not None and group.misfit < _CLOSE:
                     grown = _grown(rig, group, seen)
                     if best is None or (grown.count, -grown.misfit) > (best.count, -best.misfit):
@@ -136,14 +136,14 @@ def _grown(rig: CameraRig, group: PersonGroup, seen: Sequence[Sequence[Person]])
             continue
         tried = []
         for each in (each for person in persons for each in (person, mirrored(person))):
-            more = _group(rig, [each if k == i else person for k, person in enumerate(group.persons)])
+            more = met(rig, [each if k == i else person for k, person in enumerate(group.persons)])
             if more is not None and more.misfit < _CLOSE:
                 tried.append(more)
         group = min(tried, key=lambda each: each.misfit, default=group)
     return group
 
 
-def _group(rig: CameraRig, persons: Sequence[Person | None]) -> PersonGroup | None:
+def met(rig: CameraRig, persons: Sequence[Person | None]) -> PersonGroup | None:
     """The people as one, wherever that is; None where cameras have too few points in common."""
     first = next(person for person in persons if person is not None)
     n = len(first.names)
