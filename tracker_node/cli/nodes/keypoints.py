@@ -42,8 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wait-for-subscribers", type=int, default=0, metavar="N", help="begin when the points of each camera have N of them"
     )
     parser.add_argument(
-        "--tracker", nargs="*", default=["tracker"], metavar="NODE",
-        help="whose crops say where to search: nodes, and NODE/BODY of one with several bodies (default: tracker; nothing: none)",
+        "--tracker", nargs="*", metavar="NODE",
+        help="whose crops say where to search: nodes, and NODE/BODY of one with several bodies (nothing: none; default: tracker, "
+        "and none with --joining)",
     )
     parser.add_argument(
         "--joining", nargs="*", default=[], metavar="NODE/BODY",
@@ -60,6 +61,12 @@ def _within(kind: type, least: int, most: int) -> Callable[[str], float]:
         return value
 
     return number
+
+
+def followed(args: argparse.Namespace) -> tuple[str, ...]:
+    """Who is always there; a node that people join has no crops of its own, and would be waited for in vain."""
+    usual = () if args.joining else ("tracker",)
+    return usual if args.tracker is None else tuple(name for name in args.tracker if name)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -85,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         make_detector=make,
         name=detector_name(args.weights),
         synchronizer=config.synchronizer,
-        trackers=tuple(name for name in args.tracker if name),
+        trackers=followed(args),
         joining=tuple(args.joining),
         compressed=args.compressed,
         rate_hz=args.rate,
