@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="send the next images when the tracker has answered; loses nothing, keeps the stamps of the files",
     )
-    parser.add_argument("--consumer", default="tracker", metavar="NODE", help="node whose state topic answers (default tracker)")
+    parser.add_argument("--consumer", default="tracker", metavar="NODE", help="node that answers (default: tracker)")
     parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="wait for N subscribers to the images")
     parser.add_argument("--wait-for-info-subscribers", type=int, default=0, metavar="N", help="and to the calibrations")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="write the images as they come to this bag too")
