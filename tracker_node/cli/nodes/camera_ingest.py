@@ -175,6 +175,7 @@ def run(args: argparse.Namespace) -> int:
     from ...ros.executor import finished_bag, ros_process, spin
     from ...ros.ingest.node import CameraIngestNode, IngestOptions
     from ...ros.ingest.outlet import InputRecorder
+    from ...ros.parameter_overrides import refuse_undeclared
 
     rig = load_rig(args.rig) if args.rig else None
     options = IngestOptions(
@@ -193,6 +194,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
                 node = CameraIngestNode(opened, options, recorder)
+                refuse_undeclared(node, args.ros_args)
                 node.start()
                 try:
                     spin(node, stop, node.finished.is_set)

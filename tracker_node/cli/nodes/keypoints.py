@@ -74,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from ...loaders.rig.rig_yaml import load_rig
     from ...ros.executor import attach, ros_process, spin
     from ...ros.keypoints.node import KeypointsNode, KeypointsOptions
+    from ...ros.parameter_overrides import refuse_undeclared
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
 
@@ -104,6 +105,7 @@ def run(args: argparse.Namespace) -> int:
         node = KeypointsNode(options)
         attach(node)
         try:
+            refuse_undeclared(node, args.ros_args)
             spin(node, stop, node.worker.ready.is_set)
             if node.fatal is None and not stop.is_set():
                 print(f"{READY}, {options.name}, {len(options.cameras)} cameras", flush=True)
