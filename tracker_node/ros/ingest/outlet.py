@@ -145,7 +145,7 @@ class ConsumerWindow:
         self._told = True
         said = f"waiting for an answer on {' or '.join(self._topics.values())}"
         if any(map(self._node.count_publishers, self._topics.values())):
-            self._node.get_logger().info(f"{said}: the node may be compiling")
+            self._node.get_logger().info(f"{said}: the node compiles, or came after the images (--wait-for-subscribers 1)")
         else:
             self._node.get_logger().warning(f"{said}, which nobody publishes: --consumer names another node")
 
