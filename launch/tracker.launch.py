@@ -8,7 +8,7 @@ from launch.actions import OpaqueFunction
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from tracker_node.ros.launch_files import argument, missing, said_by, value_of
+from tracker_node.ros.launch_files import argument, has_parameter, missing, said_by, value_of
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -17,7 +17,7 @@ def generate_launch_description() -> LaunchDescription:
         argument("calibration", default_value="rig"),
         *map(argument, ("name", "namespace", "frame_prefix", "link_frames", "lossless")),
         *map(argument, ("joint_states", "topics", "use_sim_time", "keypoints_table")),
-        argument("keypoints", description="a detector runs: compare its points, too, unless params_file says what is compared"),
+        argument("keypoints", description="a detector runs: compare its points, too, unless params_file has modalities"),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
 
@@ -36,7 +36,8 @@ def _nodes(context) -> list:
     arguments += ["--joint-states", value("joint_states")] if value("joint_states") else []
     arguments += ["--topics", *value("topics").split()] if value("topics") else []
     shared = {"use_sim_time": value("use_sim_time") == "true", "frame_prefix": value("frame_prefix")}
-    by_points = (value("keypoints") == "true" or value("keypoints_table")) and not value("params_file")
+    wanted = value("keypoints") == "true" or value("keypoints_table")
+    by_points = wanted and not has_parameter(value("params_file"), "modalities")
     compared = {"modalities": ["region", "keypoints"]} if by_points else {}
     tracker = Node(
         package="tracker_node",

@@ -173,8 +173,14 @@ def test_what_is_started_takes_its_arguments(stand_ins, name, given, expected):
 def test_points_of_a_detector_are_compared_unless_a_file_chooses(stand_ins):
     given = {**BODY, "keypoints": "true"}
     assert started_by("rig.launch.py", **given)[0].parameters["modalities"] == ["region", "keypoints"]
-    assert "modalities" not in started_by("rig.launch.py", **given, params_file="p.yaml")[0].parameters
     assert "modalities" not in started_by("rig.launch.py", **BODY)[0].parameters
+    for silent in ("threads: 2", "# modalities: [region]", "/**:\n  ros__parameters:\n    threads: 2  # no modalities: here", ""):
+        Path("p.yaml").write_text(silent)
+        (tracker, *_) = started_by("rig.launch.py", **given, params_file="p.yaml")
+        assert tracker.parameters["modalities"] == ["region", "keypoints"], silent
+    for choice in ("modalities: [region]", "/**:\n  ros__parameters:\n    modalities: []", "{k: 2, 'modalities': [region]}"):
+        Path("p.yaml").write_text(choice)
+        assert "modalities" not in started_by("rig.launch.py", **given, params_file="p.yaml")[0].parameters, choice
 
 
 @pytest.mark.parametrize(("name", "given"), [

@@ -9,6 +9,7 @@ from std_msgs.msg import String
 
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.ros import parameter_overrides as overrides
+from tracker_node.ros.ending import PARENT_VARIABLE
 from tracker_node.ros.qos import RESULT, overridable
 
 
@@ -83,6 +84,43 @@ def test_overrides_of_topics_that_are_not_there_are_refused(make):
     with pytest.raises(UnknownNameError, match=r"stat.publisher.depth"):
         overrides.refuse_unknown_qos(own_topic(make, stat__publisher__depth=7))
     overrides.refuse_unknown_qos(make(**{"qos_overrides./other/stat__publisher__depth": 7}))
+
+
+def test_what_a_node_has_not_declared_is_refused_at_its_start(make):
+    node = make(rat=8.0, use_sim_time=True, qos_overrides__x=1)
+    node.declare_parameter("rate", 1.0)
+    with pytest.raises(UnknownNameError, match=r"unknown parameter 'rat'; valid: rate, "):
+        overrides.refuse_undeclared(node, ["--ros-args", "-p", "rat:=8.0"])
+    node.declare_parameter("rat", 1.0)
+    overrides.refuse_undeclared(node, [])
+
+
+FILES = {
+    "/**:\n  ros__parameters: {threads: 2, region: {inlier_px: 3}}": "",
+    "'*':\n  ros__parameters: {threads: 2, region: {inlier_px: 3}}": "",
+    "lab:\n  '**':\n    ros__parameters: {threads: 2, region.inlier_px: 3}": "",
+    "/**:\n  ros__parameters: {threads: 2}\n/tracker:\n  ros__parameters: {region: {inlier_px: 3}}": "region.inlier_px",
+    "/**:\n  tracker:\n    ros__parameters: {threads: 2, region: {inlier_px: 3}}": "threads",
+    "/**/tracker:\n  ros__parameters: {threads: 2, region: {inlier_px: 3}}": "threads",
+}
+
+
+@pytest.mark.parametrize("content", FILES)
+def test_what_a_file_says_of_all_nodes_may_be_for_others(make, tmp_path, content):
+    file, unknown = tmp_path / "p.yaml", FILES[content]
+    file.write_text(content)
+    node, ros_args = make(threads=2, region__inlier_px=3), ["--ros-args", "--params-file", str(file)]
+    if not unknown:
+        overrides.refuse_undeclared(node, ros_args)
+        return
+    with pytest.raises(UnknownNameError, match=f"'{unknown}'"):
+        overrides.refuse_undeclared(node, ros_args)
+
+
+def test_what_a_pipeline_gives_to_all_its_processes_is_refused_by_none(make, monkeypatch):
+    """But by the tracker, which says so."""
+    monkeypatch.setenv(PARENT_VARIABLE, "1")
+    overrides.refuse_undeclared(make(threads=2), ["--ros-args", "-p", "threads:=2"])
 
 
 def test_the_first_parameter_that_is_not_there_is_named(make):

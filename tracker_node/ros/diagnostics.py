@@ -16,6 +16,7 @@ from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ..tracking.estimate import BUMPED, DELAYED, FROZEN, TURNED, CameraFault
+from .graph_check import GraphCheck
 from .qos import RESULT, policy_name
 
 OK = DiagnosticStatus.OK
@@ -24,6 +25,7 @@ ERROR = DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
 PAUSED = "paused by request"  # of parts that nothing is expected of meanwhile
 CALLBACKS = "callbacks"  # the part that says what they have raised
+GRAPH = "graph"  # the part that says what is wrong around the node
 _TROUBLE = (WARN, ERROR)
 
 
@@ -44,7 +46,8 @@ class Diagnostics:
         errors = getattr(node, "callback_errors", None)
         if errors is not None:
             errors.diagnostics = self
-        self._timer = node.create_timer(period_s, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._graph = GraphCheck(node)
+        self._timer = node.create_timer(period_s, self._look_and_publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def report(
         self,
@@ -89,6 +92,14 @@ class Diagnostics:
         for part in list(self._statuses):
             if part != CALLBACKS:
                 self.report(part, OK, message)
+
+    def _look_and_publish(self) -> None:
+        problems = self._graph.problems()
+        if problems:
+            self.report(GRAPH, WARN, "; ".join(problems))
+        elif GRAPH in self._statuses:
+            self.report(GRAPH, OK, "nothing is wrong with it")
+        self.publish()
 
     def publish(self) -> None:
         """Publish all statuses as they are."""

@@ -6,9 +6,11 @@ activated: neither this nor a launch file imports what needs numpy or another pa
 
 from __future__ import annotations
 
+import re
 import shlex
 import subprocess
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -90,6 +92,25 @@ def value_of(context: LaunchContext, name: str) -> str:
     value : as text.
     """
     return LaunchConfiguration(name).perform(context)
+
+
+def has_parameter(path: str, name: str) -> bool:
+    """Whether a file of parameters says something of one of them, of whichever node; a look without a parser of YAML.
+
+    Parameters
+    ----------
+    path : of the file; one that cannot be read says nothing, and the node that gets it says why.
+    name : of the parameter.
+
+    Returns
+    -------
+    said : outside of comments.
+    """
+    try:
+        text = Path(path).read_text()
+    except (OSError, ValueError):
+        return False
+    return re.search(rf"^([^#\n]*[\s{{,\"'])?{re.escape(name)}[\"']?\s*:", text, re.MULTILINE) is not None
 
 
 def missing(package: str, how_to_go_on: str) -> list[LogInfo]:

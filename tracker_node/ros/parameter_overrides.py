@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import os
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
+from itertools import pairwise
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -11,9 +13,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ..errors import FileFormatError, UnknownNameError
+from ..loaders.yaml_file import read_mapping
+from .ending import PARENT_VARIABLE
 
 _ROS_OWN = ("use_sim_time", "start_type_description_service")  # that rclpy gives every node
 _QOS_PREFIX = "qos_overrides."
+_FILE_KEY = "ros__parameters"
 _NAMED = 5  # names that one that is not known may have meant
 _QOS_CHOICES = {"history": ("keep_last", "keep_all"), "reliability": ("reliable", "best_effort")}
 
@@ -53,6 +58,49 @@ def refuse_unknown(node: Node, known: Collection[str]) -> None:
     for name in overrides_of(node):
         if name not in known and not name.startswith(_QOS_PREFIX):
             raise UnknownNameError("parameter", name, _nearest(name, known))
+
+
+def refuse_undeclared(node: Node, ros_args: Sequence[str]) -> None:
+    """Refuse names given to a node at its start that it has not declared; to be called when it has declared all.
+
+    What a file says of all nodes may be for others, as is what a pipeline gives to all of its processes.
+
+    Parameters
+    ----------
+    node : with its overrides.
+    ros_args : of its process, behind ``--ros-args``.
+
+    Raises
+    ------
+    UnknownNameError : a name of which the node has no parameter.
+    FileFormatError : a file of parameters that cannot be read.
+    """
+    known = {*node._parameters, *_ROS_OWN}
+    unknown = [name for name in overrides_of(node) if name not in known and not name.startswith(_QOS_PREFIX)]
+    if not unknown or PARENT_VARIABLE in os.environ:
+        return
+    files = [path for option, path in pairwise(ros_args) if option == "--params-file"]
+    of_all = set[str]().union(*(_said_of_all(read_mapping(path), "") for path in files))
+    for name in unknown:
+        if name not in of_all:
+            raise UnknownNameError("parameter", name, _nearest(name, {one for one in known if not one.startswith(_QOS_PREFIX)}))
+
+
+def _said_of_all(content: Mapping[str, Any], node: str) -> set[str]:
+    """Names of the parameters that a file has under ``/**`` and the like; the names of nodes may be within namespaces."""
+    names = set[str]()
+    for key, value in content.items():
+        if key == _FILE_KEY:
+            names |= set(_flat(value)) if node.endswith("*") else set()
+        elif isinstance(value, Mapping):
+            names |= _said_of_all(value, str(key))
+    return names
+
+
+def _flat(value: Any, prefix: str = "") -> list[str]:
+    if not isinstance(value, Mapping):
+        return [prefix]
+    return [name for key, each in value.items() for name in _flat(each, f"{prefix}.{key}" if prefix else str(key))]
 
 
 def _nearest(name: str, known: Collection[str]) -> list[str]:

@@ -275,6 +275,7 @@ def test_mistakes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> No
         ("rate:=fast", "parameter 'rate': expected a number from 0.001 to 1000, got 'fast'"),
         ("rate:=.nan", "parameter 'rate': expected a number from 0.001 to 1000, got nan"),
         ("position:=7", "parameter 'position': expected a number from 0 to 0.05, got 7.0"),
+        ("rat:=2.0", "unknown parameter 'rat'; valid: position, rate, "),
     ):
         assert main(["player", str(bag), "--ros-args", "-p", given]) == 2
         error = capsys.readouterr().err

@@ -11,6 +11,8 @@ from sensor_msgs.msg import Image
 from tracker_msgs.msg import Crops, Keypoints
 
 from helpers.ros.graph import stamps
+from tracker_node.cli.main import parser_of
+from tracker_node.cli.nodes import keypoints as command
 from tracker_node.observation.keypoints.blazepose import NAMES
 from tracker_node.observation.keypoints.crop import Crop
 from tracker_node.observation.keypoints.people import Person
@@ -181,6 +183,29 @@ def test_whole_images_are_searched_for_a_body_that_is_not_known_or_was_seen_long
     bench.send(at)
     probe.spin_until(lambda: all(bench.points.values()), "points")
     assert bench.detector.searched == [(), ()]
+
+
+@pytest.mark.parametrize(("given", "followed", "joining"), [
+    ([], ("tracker",), ()),
+    (["--joining", "tracker/person_1", "tracker/person_2"], (), ("tracker/person_1", "tracker/person_2")),
+    (["--joining", "tracker/person_1", "--tracker", "tracker/anna"], ("tracker/anna",), ("tracker/person_1",)),
+    (["--tracker"], (), ()),
+    (["--tracker", ""], (), ()),
+])  # fmt: skip
+def test_the_usual_tracker_is_not_waited_for_where_people_join(given, followed, joining):
+    args = parser_of("keypoints", command).parse_args(["--rig", "rig.yaml", *given])
+    assert command.followed(args) == followed and tuple(args.joining) == joining
+
+
+def test_crops_of_those_who_have_joined_are_searched(build, probe):
+    bench, near = build(trackers=(), joining=("tracker", "elsewhere")), Crop((20.0, 30.0), 40.0, 0.1)
+    bench.send(3)  # whole images, for who has come in
+    probe.spin_until(lambda: len(bench.detector.searched) == 2, "the first images")
+    bench.crops.publish(message_of(Crops, crops(4 * PERIOD_NS, "world", ("cam1", "cam2"), (near, near))))
+    probe.spin_until(lambda: bench.node._crops["tracker"][0] > 0, "crops")
+    bench.send(4)
+    probe.spin_until(lambda: len(bench.detector.searched) == 4, "the next images")
+    assert bench.detector.searched == [(), (), (near,), (near,)]
 
 
 def test_what_the_detector_raises_ends_nothing(build, probe):

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CompressedImage, Image
 
 from tracker_node.observation.image_set import CameraImage
@@ -38,6 +39,18 @@ def test_the_size_of_an_image_is_that_of_its_bytes():
     image = CameraImage("a", 3, np.zeros((4, 5, 3), np.uint8))
     assert Received("a", image).size == 60
     assert Received("a", image).decode() is image
+
+
+def test_images_that_wait_are_told_with_their_stamps():
+    """Raw ones by their first bytes; those that cannot be images, and those that are thrown away, are not told."""
+    told = []
+    inbox = ImageInbox(None, ("a", "b"), InboxOptions(lossless=True, most_bytes=4000), None, lambda *one: told.append(one))
+    pixels = np.zeros((20, 40, 3), np.uint8)
+    packed = CompressedImage()
+    packed.header.stamp.sec = 2
+    raw = serialize_message(image_message(1_000_000_003, "frame", pixels))
+    put(inbox, ("a", raw), ("b", packed), ("a", b"no"), ("a", raw), ("b", CameraImage("b", 5, pixels[:5])))
+    assert told == [("a", 1_000_000_003), ("b", 2_000_000_000), ("b", 5)] and inbox.overflowed == {"a": 1, "b": 0}
 
 
 def test_the_newest_images_of_each_camera_wait():

@@ -131,6 +131,20 @@ def test_points_are_waited_for_where_every_set_is_tracked(build, monkeypatch):
     assert used(bench.states[0]) == {"cam1": 5, "cam2": 5, "cam3": 5}
 
 
+def test_points_of_images_that_wait_for_a_lossless_tracker_wait_too(build):
+    """It is four seconds behind the cameras, and the detector is not."""
+    bench, n = build(), 120
+    bench.tracker.go.clear()
+    for i in range(1, n + 1):
+        bench.send(i)
+        bench.put(i)
+        bench.probe.spin_until(lambda i=i: set(bench.node._inbox.arrived.values()) == {i}, "images")
+    bench.tracker.go.set()
+    bench.probe.spin_until(lambda: len(bench.states) == n, "states")
+    assert [used(state) for state in bench.states[1:]] == [{"cam1": i, "cam2": i, "cam3": i} for i in range(2, n + 1)]
+    assert not bench.node._keypoints.matching.problems()
+
+
 def test_what_became_of_points_is_counted(build, probe):
     bench = build()
     bench.track(1)

@@ -25,10 +25,15 @@ class Bench:
         for i in images:
             self.matching.put("cam", DetectedPeople(round(i * PERIOD_NS), ()))
 
-    def track(self, i: float) -> int | None:
-        """Track the image set i; stamp of the points that are used, in periods."""
+    def come(self, *images: float) -> None:
+        for i in images:
+            self.matching.came("cam", round(i * PERIOD_NS))
+
+    def track(self, i: float, waited: bool = False) -> int | None:
+        """Track the image set i, which has waited or comes now; stamp of the points that are used, in periods."""
+        if not waited:
+            self.come(i)
         image = CameraImage("cam", round(i * PERIOD_NS), PIXELS)
-        self.matching.saw(image)
         (image,) = self.matching.attached(ImageSet(image.stamp_ns, (image,))).images
         if image.people is None:
             return None
@@ -122,6 +127,57 @@ def test_points_of_an_image_that_is_forgotten_are_too_old(bench):
     bench.put(5)
     assert bench.track(100) is None
     assert bench.counts == {"too old": 1}
+
+
+def test_points_wait_as_long_as_the_images_that_they_are_of(bench):
+    """A lossless tracker that is 20 s behind its cameras, and a detector that is not."""
+    for i in range(600):
+        bench.come(i)
+        bench.put(i)
+    assert [bench.track(i, waited=True) for i in range(600)] == list(range(600))
+    assert bench.counts == {"in time": 600} and not bench.matching.problems()
+
+
+def test_points_that_come_during_a_long_search_are_of_images_that_have_come(bench):
+    bench.track(0)
+    bench.come(*range(1, 90))
+    bench.put(*range(1, 90, 6))
+    assert bench.track(1, waited=True) == 1
+    assert bench.counts == {"in time": 1, "waiting": 14} and not bench.matching.problems()
+    bench.put(500)
+    bench.track(2, waited=True)
+    assert bench.matching.problems()["cam"].endswith("match no image, +13.700 s from its newest image")
+
+
+def test_late_points_of_a_tracker_that_is_behind_are_used(bench):
+    bench.come(*range(600))
+    assert [bench.track(i, waited=True) for i in range(10)] == [None] * 10
+    bench.put(9)
+    assert bench.track(10, waited=True) == 9
+
+
+def test_points_of_images_that_were_thrown_away_make_room_for_those_of_others(bench):
+    bench.come(*range(0, 100, 2))
+    bench.put(*range(100))
+    assert bench.counts == {"waiting": 58, "unmatched": 42}
+    assert [bench.track(i, waited=True) for i in range(0, 100, 2)] == list(range(0, 100, 2))
+
+
+def test_points_do_not_pile_up_where_images_are_not_tracked(bench):
+    for i in range(600):
+        bench.come(i)
+        bench.put(i)
+        bench.matching.passed("cam", i * PERIOD_NS)
+    assert bench.counts == {"waiting": 70, "too old": 530}
+
+
+def test_points_of_images_that_wait_behind_a_jump_back_are_kept(bench):
+    bench.come(*range(90, 100), *range(1, 5))
+    bench.put(*range(90, 100), 1, 2)
+    assert bench.track(90, waited=True) == 90
+    bench.matching.restart()
+    assert [bench.track(i, waited=True) for i in (1, 2, 3)] == [1, 2, None]
+    assert bench.counts == {"in time": 3, "too old": 9}
 
 
 def waited_s(bench, i: float, cameras=("cam",), given_up=lambda: False) -> float:

@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="send the next images when the tracker has answered; loses nothing, keeps the stamps of the files",
     )
-    parser.add_argument("--consumer", default="tracker", metavar="NODE", help="node whose state topic answers (default tracker)")
+    parser.add_argument("--consumer", default="tracker", metavar="NODE", help="node that answers (default: tracker)")
     parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="wait for N subscribers to the images")
     parser.add_argument("--wait-for-info-subscribers", type=int, default=0, metavar="N", help="and to the calibrations")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="write the images as they come to this bag too")
@@ -175,6 +175,7 @@ def run(args: argparse.Namespace) -> int:
     from ...ros.executor import finished_bag, ros_process, spin
     from ...ros.ingest.node import CameraIngestNode, IngestOptions
     from ...ros.ingest.outlet import InputRecorder
+    from ...ros.parameter_overrides import refuse_undeclared
 
     rig = load_rig(args.rig) if args.rig else None
     options = IngestOptions(
@@ -193,6 +194,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             with ros_process(with_topics(args.ros_args, rig, dict(args.topics))) as stop:
                 node = CameraIngestNode(opened, options, recorder)
+                refuse_undeclared(node, args.ros_args)
                 node.start()
                 try:
                     spin(node, stop, node.finished.is_set)

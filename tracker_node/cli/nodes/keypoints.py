@@ -42,8 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wait-for-subscribers", type=int, default=0, metavar="N", help="begin when the points of each camera have N of them"
     )
     parser.add_argument(
-        "--tracker", nargs="*", default=["tracker"], metavar="NODE",
-        help="whose crops say where to search: nodes, and NODE/BODY of one with several bodies (default: tracker; nothing: none)",
+        "--tracker", nargs="*", metavar="NODE",
+        help="whose crops say where to search: nodes, and NODE/BODY of one with several bodies (nothing: none; default: tracker, "
+        "and none with --joining)",
     )
     parser.add_argument(
         "--joining", nargs="*", default=[], metavar="NODE/BODY",
@@ -62,11 +63,18 @@ def _within(kind: type, least: int, most: int) -> Callable[[str], float]:
     return number
 
 
+def followed(args: argparse.Namespace) -> tuple[str, ...]:
+    """Who is always there; a node that people join has no crops of its own, and would be waited for in vain."""
+    usual = () if args.joining else ("tracker",)
+    return usual if args.tracker is None else tuple(name for name in args.tracker if name)
+
+
 def run(args: argparse.Namespace) -> int:
     from ...loaders.fetched_files import detector_name, usable_weights
     from ...loaders.rig.rig_yaml import load_rig
     from ...ros.executor import attach, ros_process, spin
     from ...ros.keypoints.node import KeypointsNode, KeypointsOptions
+    from ...ros.parameter_overrides import refuse_undeclared
     from ...runs.config_file import load_config
     from ...tracking.config import TrackerConfig
 
@@ -85,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         make_detector=make,
         name=detector_name(args.weights),
         synchronizer=config.synchronizer,
-        trackers=tuple(name for name in args.tracker if name),
+        trackers=followed(args),
         joining=tuple(args.joining),
         compressed=args.compressed,
         rate_hz=args.rate,
@@ -97,6 +105,7 @@ def run(args: argparse.Namespace) -> int:
         node = KeypointsNode(options)
         attach(node)
         try:
+            refuse_undeclared(node, args.ros_args)
             spin(node, stop, node.worker.ready.is_set)
             if node.fatal is None and not stop.is_set():
                 print(f"{READY}, {options.name}, {len(options.cameras)} cameras", flush=True)

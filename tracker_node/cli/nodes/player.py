@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from ...loaders.bag.reader import BagReader
     from ...ros.bag.player import PlayerNode, PlayerOptions
     from ...ros.executor import ros_process, spin
+    from ...ros.parameter_overrides import refuse_undeclared
 
     options = PlayerOptions(
         topics=_full_names(args.topics),
@@ -51,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
         seconds = (reader.end_ns - reader.start_ns) * 1e-9
         with ros_process(args.ros_args) as stop:
             node = PlayerNode(reader, options)
+            refuse_undeclared(node, args.ros_args)
             print(f"player: {reader.message_count} messages of {len(reader.topics)} topics, {seconds:.1f} s", flush=True)
             node.start()
             try:

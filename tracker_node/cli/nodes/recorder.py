@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     from ...errors import TrackerError
     from ...ros.bag.recorder import RecorderNode
     from ...ros.executor import finished_bag, ros_process, spin
+    from ...ros.parameter_overrides import refuse_undeclared
     from ...ros.tracker.heap import keep_freed_memory
 
     selection = _selection_of(args)
@@ -77,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             with ros_process(args.ros_args) as stop:
                 node = RecorderNode(selection, bag)
+                refuse_undeclared(node, args.ros_args)
                 print(f"{READY}, {len(node.topics)} topics so far, writing to {args.output}", flush=True)
                 spin(node, stop, lambda: bool(node.bag_problem))
                 node.report()

@@ -17,12 +17,14 @@ def run(args: argparse.Namespace) -> int:
     from ...loaders.source_address import TOPIC_NAME
     from ...ros.executor import ros_process, spin
     from ...ros.ingest.rectify_node import RectifyNode
+    from ...ros.parameter_overrides import refuse_undeclared
 
     for name in args.cameras:
         if not TOPIC_NAME.fullmatch(name):
             raise TrackerError(f"camera '{name}': expected a-z, A-Z, 0-9 and _, as its topics have this name")
     with ros_process(args.ros_args) as stop:
         node = RectifyNode(args.cameras)
+        refuse_undeclared(node, args.ros_args)
         print(f"rectify: ready, {len(node.rectifiers)} cameras", flush=True)
         spin(node, stop)
         node.destroy_node()

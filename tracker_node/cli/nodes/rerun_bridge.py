@@ -37,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from ...loaders.recording_yaml import load_recording
     from ...loaders.rig.rig_yaml import load_rig
     from ...ros.executor import attach, ros_process, spin
+    from ...ros.parameter_overrides import refuse_undeclared
     from ...ros.rerun_bridge import BridgeOptions, RerunBridge
 
     if not 0.0 <= args.image_rate <= 1000.0:
@@ -60,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
         attach(node)
         print("rerun_bridge: ready", flush=True)
         try:
+            refuse_undeclared(node, args.ros_args)
             spin(node, stop, lambda: node.fatal is not None)
         finally:
             node.close()

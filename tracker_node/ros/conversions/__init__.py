@@ -13,6 +13,7 @@ from .images import (
     decode_raw_image,
     image_message,
     jpeg_message,
+    raw_stamp_ns,
 )
 from .messages import fill, message_class, message_of, stamp_message, transform_of_pose, values_with_changes
 
@@ -27,6 +28,7 @@ __all__ = [
     "jpeg_message",
     "message_class",
     "message_of",
+    "raw_stamp_ns",
     "stamp_message",
     "stamp_ns_of",
     "transform_of_pose",

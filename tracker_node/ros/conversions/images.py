@@ -132,6 +132,15 @@ def decode_raw_image(camera: str, data: bytes) -> CameraImage:
     return CameraImage(camera, _stamp_ns(camera, seconds, nanoseconds), pixels, encoding)
 
 
+def raw_stamp_ns(data: bytes) -> int | None:
+    """Stamp of a serialized sensor_msgs/Image, without a look at the rest; None where the bytes have none."""
+    try:
+        reader = _CdrReader(data)
+        return reader.int32() * NS_PER_S + reader.uint32()
+    except (struct.error, IndexError, ValueError):
+        return None
+
+
 class _CdrReader:
     """Plain CDR behind its four bytes of encapsulation; values are aligned to their size."""
 

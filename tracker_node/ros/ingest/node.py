@@ -42,7 +42,7 @@ class IngestOptions:
     source : which images, at what rate and size.
     live_stamps : stamps are moved so that the first is the time of its publication; otherwise they are the sources'.
     as_fast_as_consumed : the next image set goes out when the consumer has answered for an earlier one; nothing is skipped.
-    consumer : node whose ``state`` topic answers.
+    consumer : node whose topic ``state``, or ``bodies``, answers.
     frame_skip : skip image sets that cannot go out in time, when a later one is ready.
     wait_for_subscribers, wait_for_info_subscribers : how many of them the images and calibration of every recorded camera must
         have before the first image.
@@ -108,7 +108,7 @@ class CameraIngestNode(GuardedNode):
         self._live = {name: self._live_camera(opened.cameras[name]) for name in opened.live}
         self._dropped_before = dict.fromkeys(self._live, 0)  # at the last report
         self._recorded = {name: CameraCounts() for name in opened.recorded}
-        self._window = ConsumerWindow(self, f"{options.consumer}/state") if options.as_fast_as_consumed else None
+        self._window = ConsumerWindow(self, options.consumer) if options.as_fast_as_consumed else None
         self._stop = threading.Event()
         self._feed: ImageFeed | None = None
         self._published_before = dict.fromkeys(opened.cameras, 0)

@@ -19,7 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from sensor_msgs.srv import SetCameraInfo
-from tracker_msgs.msg import TrackedState
+from tracker_msgs.msg import Bodies, TrackedState
 
 from ...camera.model import CameraModel
 from ...errors import CalibrationError, TrackerError
@@ -72,28 +72,36 @@ class Pace:
 _FIRST_S = 180.0  # a consumer may have to compile before its first answer
 _PATIENCE_S = 15.0  # a consumer that has all cameras answers, on a slow machine as well; more on their way would only be lost
 _INCOMPLETE_S = 0.3
+_TELL_S = 8.0  # without the first answer, until that is said
 
 
 class ConsumerWindow:
     """Counts the image sets sent and answered.
 
-    An answer is a `TrackedState` whose stamp is that of the image set or later. When none comes for ``patience_s``, the window
-    doubles, and shrinks again with each answer: a consumer that waits for a camera which is silent decides only when it has
-    seen enough of the others. We know when a camera is silent, and are less patient then. So a lossless run goes on
-    whatever the cameras do, and nothing but speed depends on the wall clock.
+    An answer is a `TrackedState`, or `Bodies` where there are several, whose stamp is that of the image set or later. When none
+    comes for ``patience_s``, the window doubles, and shrinks again with each answer: a consumer that waits for a camera which is
+    silent decides only when it has seen enough of the others. We know when a camera is silent, and are less patient then. So a
+    lossless run goes on whatever the cameras do, and nothing but speed depends on the wall clock.
+
+    Parameters
+    ----------
+    node, consumer : ours; the name of the one that answers on ``<consumer>/state`` or ``<consumer>/bodies``.
+    size, largest : image sets that may be on their way, usually and at most.
+    patience_s : without an answer.
     """
 
-    def __init__(self, node: Node, topic: str, size: int = 2, largest: int = 64, patience_s: float = _PATIENCE_S):
-        self._node, self._topic = node, topic
+    def __init__(self, node: Node, consumer: str, size: int = 2, largest: int = 64, patience_s: float = _PATIENCE_S):
+        self._node, self._consumer = node, consumer
         self._size, self._smallest, self._largest, self._patience_s = size, size, largest, patience_s
         self._complete = True
         self._condition = threading.Condition()
         self._on_their_way: deque[int] = deque()
         self._answered = 0
-        self._closed = False
-        self._subscription = node.create_subscription(TrackedState, topic, self._on_state, RESULT)
+        self._closed = self._told = False
+        self._topics = {TrackedState: f"{consumer}/state", Bodies: f"{consumer}/bodies"}
+        self._subscriptions = [node.create_subscription(*each, self._on_answer, RESULT) for each in self._topics.items()]
 
-    def _on_state(self, message: TrackedState) -> None:
+    def _on_answer(self, message: TrackedState | Bodies) -> None:
         self.answer(stamp_ns_of(message.header.stamp))
 
     def answer(self, stamp_ns: int) -> None:
@@ -123,10 +131,23 @@ class ConsumerWindow:
             while not self._closed and len(self._on_their_way) >= self._size:
                 answered, patience_s = self._answered, self._patience()
                 began = time.monotonic()
-                self._condition.wait(timeout=patience_s)
-                if self._answered == answered and not self._closed and time.monotonic() - began >= patience_s:
-                    self._grow(patience_s)
+                self._condition.wait(timeout=patience_s if self._told or self._answered else min(_TELL_S, patience_s))
+                waited_s = time.monotonic() - began
+                if self._answered == answered and not self._closed:
+                    if waited_s >= patience_s:
+                        self._grow(patience_s)
+                    elif waited_s >= _TELL_S:
+                        self._tell()
             return not self._closed
+
+    def _tell(self) -> None:
+        """Nobody has answered yet: it may still be compiling, or be another node than the one that is asked."""
+        self._told = True
+        said = f"waiting for an answer on {' or '.join(self._topics.values())}"
+        if any(map(self._node.count_publishers, self._topics.values())):
+            self._node.get_logger().info(f"{said}: the node compiles, or came after the images (--wait-for-subscribers 1)")
+        else:
+            self._node.get_logger().warning(f"{said}, which nobody publishes: --consumer names another node")
 
     def _patience(self) -> float:
         if not self._answered:
@@ -138,7 +159,7 @@ class ConsumerWindow:
             self._size = min(2 * self._size, self._largest)
             if self._complete:
                 self._node.get_logger().warning(
-                    f"no answer on '{self._topic}' for {waited_s:g} s; letting {self._size} image sets be on their way"
+                    f"no answer of '{self._consumer}' for {waited_s:g} s; letting {self._size} image sets be on their way"
                 )
         else:  # whoever should answer is gone: do not keep the images for ever
             self._on_their_way.popleft()

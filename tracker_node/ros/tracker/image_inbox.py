@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from rclpy.node import Node
@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from ...observation.image_set import CameraImage
-from ..conversions import bgr_of_compressed, decode_raw_image
+from ..conversions import bgr_of_compressed, decode_raw_image, raw_stamp_ns, stamp_ns_of
 from ..diagnostics import QosMismatches
 from ..direct_images import DirectImages
 from ..qos import SequenceGaps, images_subscribed, overridable, with_number
@@ -34,6 +34,15 @@ class Received:
         if isinstance(self.content, CameraImage):
             return self.content.pixels.nbytes
         return len(self.content.data if isinstance(self.content, CompressedImage) else self.content)
+
+    @property
+    def stamp_ns(self) -> int | None:
+        """Of the image; None where its bytes are no image."""
+        if isinstance(self.content, CameraImage):
+            return self.content.stamp_ns
+        if isinstance(self.content, CompressedImage):
+            return stamp_ns_of(self.content.header.stamp)
+        return raw_stamp_ns(self.content)
 
     def decode(self) -> CameraImage:
         """The pixels; of a raw image a view. Raises SourceError when they cannot be used."""
@@ -70,6 +79,7 @@ class ImageInbox:
     Parameters
     ----------
     mismatches : is informed when a publisher offers what we cannot take.
+    on_image : told of each image that waits, by camera and stamp.
 
     Attributes
     ----------
@@ -80,8 +90,15 @@ class ImageInbox:
     last_arrival_s : camera -> steady time of its latest image.
     """
 
-    def __init__(self, node: Node, cameras: Sequence[str], options: InboxOptions, mismatches: QosMismatches):
-        self._node, self._options, self._mismatches = node, options, mismatches
+    def __init__(
+        self,
+        node: Node,
+        cameras: Sequence[str],
+        options: InboxOptions,
+        mismatches: QosMismatches,
+        on_image: Callable[[str, int], None] = lambda camera, stamp_ns: None,
+    ):
+        self._node, self._options, self._mismatches, self._on_image = node, options, mismatches, on_image
         self._condition = threading.Condition()
         self._waiting: deque[Received] = deque()
         self._n_waiting = dict.fromkeys(cameras, 0)
@@ -148,6 +165,8 @@ class ImageInbox:
                 return
             if not self._options.lossless and self._n_waiting[camera] >= self._options.capacity:
                 self._drop_oldest(camera)
+            if (stamp_ns := received.stamp_ns) is not None:
+                self._on_image(camera, stamp_ns)  # before it can be taken
             self._waiting.append(received)
             self._n_waiting[camera] += 1
             self._bytes_waiting += received.size

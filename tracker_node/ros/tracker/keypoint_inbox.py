@@ -13,6 +13,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -39,8 +40,8 @@ REASONS = (IN_TIME, LATE, OVERTAKEN, TOO_OLD, DUPLICATE, UNMATCHED)
 ``unmatched``: no image of the camera has such a stamp, or one within an image period of it.
 """
 _MOST_LATE_NS = round(1e9 * MOST_LATE_S)
-_WINDOW_NS = 2 * _MOST_LATE_NS  # of stamps of images that are remembered, and by which points may be ahead of images
-_MOST_WAITING = 8  # points of a camera that may be ahead of its images
+_WINDOW_NS = 2 * _MOST_LATE_NS  # of stamps of images that are remembered, and by which points may be ahead of all images
+_MOST_AHEAD = 8  # points of a camera that may wait beside those of its images
 _PATIENCE_S = 5.0  # a network takes a fraction of a second; less than what a source of images waits for the tracker
 _LOOK_S = 0.1
 
@@ -49,8 +50,8 @@ _LOOK_S = 0.1
 class _Lane:
     """What is known of one camera."""
 
-    images_ns: deque[int] = field(default_factory=deque)  # of the window
-    first_ns: int | None = None  # stamp of the first image
+    images_ns: deque[int] = field(default_factory=deque)  # as they have come: those that wait, and a window before
+    first_ns: int | None = None  # stamp of the first image that asked for points
     waiting: dict[int, DetectedPeople] = field(default_factory=dict)  # stamp -> points, in the order of their arrival
     had_ns: deque[int] = field(default_factory=lambda: deque(maxlen=64))
     counts: Counter[str] = field(default_factory=Counter)
@@ -59,7 +60,9 @@ class _Lane:
 
 
 class PointMatching:
-    """Points that wait, and the images that they may be of. Points may be put in from any thread.
+    """Points that wait, and the images that they may be of. Both may be told of from any thread.
+
+    Points wait as long as the images that they are of: a lossless tracker may be far behind its cameras.
 
     Parameters
     ----------
@@ -100,13 +103,14 @@ class PointMatching:
             self._lock.notify_all()
             lane = self._lane(camera)
             lane.silent = False
-            if detected.stamp_ns in lane.had_ns:
+            if detected.stamp_ns in lane.had_ns or detected.stamp_ns in lane.waiting:
                 lane.counts[DUPLICATE] += 1
                 return
             lane.had_ns.append(detected.stamp_ns)
             lane.waiting[detected.stamp_ns] = detected
-            if len(lane.waiting) > _MOST_WAITING:
-                self._drop(lane, min(lane.waiting), TOO_OLD if lane.images_ns else UNMATCHED)
+            if len(lane.waiting) > len(lane.images_ns) + _MOST_AHEAD:
+                stamp_ns = min(lane.waiting.keys() - set(lane.images_ns))
+                self._drop(lane, stamp_ns, TOO_OLD if lane.images_ns and stamp_ns < lane.images_ns[0] else UNMATCHED)
 
     def wait(self, image_set: ImageSet, given_up: Callable[[], bool]) -> None:
         """Wait until the points of a set have come, or cannot come any more.
@@ -132,25 +136,41 @@ class PointMatching:
                     return
                 self._lock.wait(_LOOK_S)
 
-    def saw(self, image: CameraImage) -> None:
-        """An image has come that may be tracked."""
+    def came(self, camera: str, stamp_ns: int) -> None:
+        """An image has come, and waits to be tracked.
+
+        Parameters
+        ----------
+        camera, stamp_ns : of the image.
+        """
         with self._lock:
-            lane = self._lane(image.camera)
-            images_ns = lane.images_ns
-            lane.first_ns = image.stamp_ns if lane.first_ns is None else lane.first_ns
-            images_ns.append(image.stamp_ns)
-            while images_ns[0] < image.stamp_ns - _WINDOW_NS:
-                images_ns.popleft()
+            images_ns = self._lane(camera).images_ns
+            if not images_ns or images_ns[-1] != stamp_ns:  # a camera whose stamps stand still fills no memory
+                images_ns.append(stamp_ns)
+
+    def passed(self, camera: str, stamp_ns: int) -> None:
+        """No image of a camera waits any more that came before this one.
+
+        Parameters
+        ----------
+        camera, stamp_ns : of the image, which is being tracked, or never will be.
+        """
+        with self._lock:
+            images_ns = self._lane(camera).images_ns
+            if stamp_ns in images_ns:
+                while not stamp_ns - _WINDOW_NS <= images_ns[0] <= stamp_ns:  # later stamps are from before they went back
+                    images_ns.popleft()
 
     def restart(self) -> None:
         """Stamps went back, or tracking begins anew: what was before is over."""
         with self._lock:
             for lane in self._lanes.values():
-                lane.counts[TOO_OLD] += len(lane.waiting)
-                lane.waiting.clear()
-                lane.images_ns.clear()
-                lane.first_ns = None
+                since, n = _since_they_went_back(lane.images_ns), len(lane.waiting)
+                lane.waiting = {stamp_ns: detected for stamp_ns, detected in lane.waiting.items() if stamp_ns in since}
+                lane.counts[TOO_OLD] += n - len(lane.waiting)
                 lane.had_ns.clear()
+                lane.had_ns.extend(lane.waiting)
+                lane.first_ns = None
 
     def attached(self, image_set: ImageSet) -> ImageSet:
         """A set that is tracked next, with the newest points that there are of each camera.
@@ -169,8 +189,13 @@ class PointMatching:
 
     def _attached(self, image: CameraImage) -> CameraImage:
         lane, chosen = self._lane(image.camera), None
-        for stamp_ns in sorted(lane.waiting, reverse=True):
-            reason = self._reason(lane, stamp_ns, image.stamp_ns)
+        lane.first_ns = image.stamp_ns if lane.first_ns is None else lane.first_ns
+        self.passed(image.camera, image.stamp_ns)
+        furthest_ns = max([image.stamp_ns, *lane.images_ns]) + _WINDOW_NS
+        since = _since_they_went_back(lane.images_ns)
+        not_yet = set() if image.stamp_ns in since else since
+        for stamp_ns in sorted(lane.waiting.keys() - not_yet, reverse=True):
+            reason = self._reason(lane, stamp_ns, image.stamp_ns, furthest_ns)
             if reason == "":
                 continue  # of an image that has not been tracked yet
             if reason in (IN_TIME, LATE):
@@ -182,11 +207,11 @@ class PointMatching:
             self._drop(lane, stamp_ns, reason)
         return image if chosen is None else with_people(image, chosen)
 
-    def _reason(self, lane: _Lane, stamp_ns: int, image_ns: int) -> str:
+    def _reason(self, lane: _Lane, stamp_ns: int, image_ns: int, furthest_ns: int) -> str:
         if stamp_ns == image_ns:
             return IN_TIME
         if stamp_ns > image_ns:
-            return "" if stamp_ns <= image_ns + _WINDOW_NS else UNMATCHED
+            return "" if stamp_ns <= furthest_ns else UNMATCHED
         near = any(abs(stamp_ns - other_ns) <= self._tolerance_ns for other_ns in lane.images_ns)
         if image_ns - stamp_ns > _MOST_LATE_NS:
             forgotten = lane.first_ns is not None and lane.first_ns <= stamp_ns < lane.images_ns[0]
@@ -199,6 +224,12 @@ class PointMatching:
         if reason == UNMATCHED:
             newest = f", {1e-9 * (stamp_ns - lane.images_ns[-1]):+.3f} s from its newest image" if lane.images_ns else ""
             lane.problem = f"points at {stamp_ns} ns match no image{newest}"
+
+
+def _since_they_went_back(stamps_ns: Sequence[int]) -> set[int]:
+    """Those behind the last step back; none where there is none."""
+    first = max((i for i, (before, after) in enumerate(pairwise(stamps_ns), 1) if after < before), default=len(stamps_ns))
+    return set(islice(stamps_ns, first, None))
 
 
 MOST_BYTES = 64 * 2**20  # of one message; sixteen people in an image of 12 megapixels have less

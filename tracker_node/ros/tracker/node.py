@@ -116,9 +116,9 @@ class TrackerNode(ManagedNode):
         inbox = replace(options.inbox, lossless=self._lossless, compressed=bool(fixed["compressed"]))
         if inbox.compressed and inbox.direct is not None and inbox.direct.cameras >= set(options.rig.names):
             raise FileFormatError("parameters of tracker", "compressed", "false: no image comes from a topic here", True)
-        self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches)
         config = self._parameters_of_node.config
         points = PointMatching(config.synchronizer.image_period_s)
+        self._inbox = ImageInbox(self, options.rig.names, inbox, self._mismatches, points.came)
         self._keypoints = KeypointInbox(self, points, self._mismatches, self._diagnostics, options.point_names)
         topic = str(fixed["joint_states"])
         if topic and options.several:

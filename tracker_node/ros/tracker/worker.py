@@ -232,6 +232,14 @@ class TrackingWorker:
 
     def _leave(self, received: list[Received], reason: str) -> None:
         self.counts.idle[reason].update(item.camera for item in received)
+        self._pass(received)
+
+    def _pass(self, received: list[Received]) -> None:
+        """Points of these images need not wait any more: what can be tracked is."""
+        if self._points is not None:
+            for camera, stamp_ns in {item.camera: item.stamp_ns for item in received}.items():
+                if stamp_ns is not None:
+                    self._points.passed(camera, stamp_ns)
 
     def _handle(self, received: list[Received]) -> None:
         if self.paused:
@@ -244,6 +252,7 @@ class TrackingWorker:
             return
         received, self._not_yet = self._not_yet + received, []
         self._track(self._formed(received))
+        self._pass(received)
 
     def _formed(self, received: list[Received]) -> list[ImageSet]:
         images = (self._usable(item) for item in received)
@@ -285,8 +294,6 @@ class TrackingWorker:
             counts.problems[camera] = str(error)
             return None
         counts.problems.pop(camera, None)
-        if self._points is not None:
-            self._points.saw(image)
         return image
 
     def _track(self, sets: list[ImageSet]) -> None:
@@ -301,7 +308,9 @@ class TrackingWorker:
             self.at_work_since_s = None
             self._thread.obey()
             if not self._lossless and not self.paused and self._setup.tracker is not None:  # what came meanwhile is newer
-                sets += self._formed(self._inbox.take(timeout_s=0.0))
+                newer = self._inbox.take(timeout_s=0.0)
+                sets += self._formed(newer)
+                self._pass(newer)
 
     def _most_at_once(self) -> int:
         return max(_AT_ONCE, int(_AT_ONCE_MS / self.step_ms)) if self.step_ms else _AT_ONCE
