@@ -90,6 +90,10 @@ class Recording:
         for name, value, kind in (("rig", self.rig, CameraRig), ("model", self.model, ArticulatedModel)):
             if not isinstance(value, kind):
                 raise TypeError(f"{name}: expected a {kind.__name__} (load_{name} reads one), got {value!r}")
+        if not isinstance(self.initial_state, State | None):
+            raise TypeError(f"initial_state: expected a State (load_state(path, model) reads one), got {self.initial_state!r}")
+        if self.person is not None:
+            object.__setattr__(self, "person", _place(self.person))
         if self.config is None:
             object.__setattr__(self, "config", config_for(None, self.model, self.points is not None))
 
@@ -126,6 +130,17 @@ class Recording:
             "masks": self.masks,
             "masked_images": self.masked_images,
         }
+
+
+def _place(person: Any) -> np.ndarray:
+    """(3,) meters, of what a program has given."""
+    try:
+        place = np.asarray(person, dtype=np.float64)
+    except (TypeError, ValueError):
+        place = np.empty(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise TypeError(f"person: expected three numbers, the place in meters in world axes, got {person!r}")
+    return place
 
 
 def _from_anywhere(source: str) -> str:
