@@ -291,7 +291,7 @@ class _Followed:
         self._smoothed: SmoothedWriter | None = None
         if run.smooth_s is not None:
             self._smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
-        self._record, self._joined_after = _Record(run.model), joined_after
+        self._record, self._joined_after = _Record(run.model, run.person), joined_after
 
     def take(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         """Write what has been made of an image set."""
@@ -428,6 +428,7 @@ def _what_mostly(name: str) -> str:
 
 
 _EVERY_ROW = 16  # of an image is looked at for colors
+_NEAR_M = 2.0  # of a place that is asked for, beyond which it may be somebody else who is followed
 _MANY_SETS = 10  # in none of which a camera shows the body, after which that is noted
 
 
@@ -436,6 +437,8 @@ class _Record:
     """What the summary needs of each estimate."""
 
     model: ArticulatedModel
+    person: np.ndarray | None = None  # place that was asked for
+    first: np.ndarray | None = None  # place where the body began
     began: float = field(default_factory=time.perf_counter)
     status: Counter = field(default_factory=Counter)
     reasons: Counter[str] = field(default_factory=Counter)  # of sets in which the body is not tracked
@@ -455,6 +458,7 @@ class _Record:
         self.stamps_ns.append(estimate.stamp_ns)
         self.total_ms.append(estimate.timings.total_ms)
         if estimate.status.has_state:
+            self.first = estimate.state.T_world_root[:3, 3] if self.first is None else self.first
             self.iterations.append(estimate.iterations)
             self.residual.append(estimate.residual)
             self.used.update(camera.camera for camera in estimate.cameras if camera.stamp_ns)
@@ -468,7 +472,16 @@ class _Record:
 
     @property
     def notes(self) -> list[str]:
-        """Cameras that never show the body, where others do."""
+        """Somebody far from the place that was asked for, and cameras that never show the body, where others do."""
+        return [*self._elsewhere(), *self._never_seen()]
+
+    def _elsewhere(self) -> list[str]:
+        if self.person is None or self.first is None or (away_m := float(np.linalg.norm(self.first - self.person))) <= _NEAR_M:
+            return []
+        asked, began = (f"({', '.join(f'{x:.1f}' for x in place)})" for place in (self.person, self.first))
+        return [f"person: asked for at {asked}, the nearest was at {began}, {away_m:.1f} m away: is it somebody else?"]
+
+    def _never_seen(self) -> list[str]:
         if not self.seeing:
             return []
         never = [name for name, sets in self.used.items() if sets >= _MANY_SETS and name not in self.seeing]
