@@ -147,6 +147,9 @@ def test_image_sets_are_counted_as_the_recording_says_also_of_a_part(trials_file
     trials_file.write_text(trials_file.read_text() + "  part: {images: {end: 6}, evaluate: {image_sets: 9}}\n")
     (outcome,) = run_batch(load_trials(trials_file), BatchOptions(workers=1, only=("part",)))
     assert outcome.metrics["image_sets"] == 9
+    for page in (tmp_path / "out/part").glob("report.*"):
+        assert "drafts" not in page.read_text("latin-1")
+    assert f"<dt>run</dt><dd><code>{tmp_path / 'out/part'}</code>" in (tmp_path / "out/part/report.html").read_text()
 
 
 def test_a_trial_whose_process_dies_is_tried_once_more(trials_file, monkeypatch):

@@ -219,7 +219,7 @@ def _tracked(job: Job, draft: Path) -> Outcome:
             continue
         if not known_sets(summary["status_counts"]):
             problems.append(f"{body or 'the body'} is LOST throughout, mostly: {summary['reason']}")
-        found = _reviewed(job.name, file, draft / body)
+        found = _reviewed(job, file, draft, body)
         metrics |= {of + key.removeprefix(f"{found.name}."): finite(value) for key, value in found.metrics().items()}
         ranges |= {of + name: ends for name, ends in _ranges(found).items()}
         problems += [f"{body}: {sentence}" if body else sentence for sentence in found.problems]
@@ -244,9 +244,9 @@ def _progress(job: Job) -> Callable[[int, int | None, TrackEstimate], None]:
     return note
 
 
-def _reviewed(name: str, recording: RecordingFile, draft: Path) -> Review:
+def _reviewed(job: Job, recording: RecordingFile, folder: Path, body: str) -> Review:
     """The run against truth, where the trial names any, with a report of its own then."""
-    entry = recording.evaluate
+    entry, name, draft = recording.evaluate, job.name, folder / body
     if entry is None:
         return review_run(RunFiles(str(draft), pictures=0, options=EvaluationOptions(name)), _nothing)
     lag = None if entry.lag == "auto" else float(entry.lag)
@@ -256,6 +256,7 @@ def _reviewed(name: str, recording: RecordingFile, draft: Path) -> Review:
         str(draft), rig=recording.rig, truth=entry.truth, y_up=entry.y_up, masks=masks, pictures=_PICTURES, options=options
     )
     found = review_run(files, _nothing)
+    found = replace(found, sources={**found.sources, "run": str(Path(job.output) / job.name / body)})  # where it will be
     write_report(draft, [found], ReportOptions(dict(map(parse_target, entry.targets))))
     return found
 
