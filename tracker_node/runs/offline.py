@@ -97,6 +97,12 @@ class Recording:
         if self.config is None:
             object.__setattr__(self, "config", config_for(None, self.model, self.points is not None))
 
+    def __repr__(self) -> str:
+        """Two lines: body and cameras, by what they are compared and where the body begins."""
+        begins = "from a given state" if self.initial_state is not None else "which is searched for"
+        begins = begins if self.person is None else f"{begins} at {self.person.tolist()}"
+        return f"<{type(self).__name__} of {self.model!r} {begins}\n by {', '.join(self.config.modalities)} in {self.rig!r}>"
+
     def image_sets(self) -> ImageSetStream:
         """The image sets of the sources, in the order of their stamps; iterate over them once.
 
@@ -147,7 +153,7 @@ def _from_anywhere(source: str) -> str:
     return without_password(relocated(source, Path.cwd()))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class OfflineRun(Recording):
     """A recording, and what is asked of the run.
 
