@@ -1,5 +1,6 @@
 """The command: a fabricated run of known error, images and masks that the model fits exactly."""
 
+import io
 import json
 import re
 from argparse import Namespace
@@ -97,6 +98,20 @@ def test_a_run_and_a_live_recording_give_the_same_figures(files, tmp_path, run, 
     assert figures["stick.iou_cam01"] == pytest.approx(np.mean(covered))
     assert figures["stick.iou_cam02"] > 0.8
     assert "stick.mpjpe_mm" in capsys.readouterr().out
+
+
+def test_progress_of_several_threads_is_a_line_each(files, tmp_path, monkeypatch):
+    """A line and its end that are written one after the other have another thread's line between them."""
+    writes = []
+
+    class Console(io.StringIO):
+        def write(self, text: str) -> int:
+            writes.append(text)
+            return super().write(text)
+
+    monkeypatch.setattr("sys.stderr", Console())
+    assert evaluate(files, "run", tmp_path / "out", "--no-pdf") == 0
+    assert {"images of cam01\n", "images of cam02\n"} <= set(writes) and "\n" not in writes
 
 
 def test_the_report_holds_everything_itself(files, tmp_path):

@@ -122,7 +122,7 @@ def _compare_days(args: argparse.Namespace) -> int:
 
 
 def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+    print(f"{text}\n", end="", file=sys.stderr, flush=True)  # at once: cameras are read by several threads
 
 
 def names_of(runs: Sequence[str], given: Sequence[str]) -> list[str]:
