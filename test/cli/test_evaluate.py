@@ -15,8 +15,9 @@ from helpers.bodies.stick_person import Motion, motion, write_run, write_state_b
 from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
+from tracker_node.cli import evaluate as evaluate_verb
 from tracker_node.cli.arguments.recording import evaluate_recording
-from tracker_node.cli.main import main
+from tracker_node.cli.main import main, parser_of
 from tracker_node.evaluation.run_review import unobservable_text
 from tracker_node.loaders.bag.message_types import TRACKED_STATE, message_of
 from tracker_node.loaders.bag.reader import BagReader
@@ -325,6 +326,12 @@ def test_what_does_not_fit_several_runs_is_one_line(files, tmp_path, capsys, mor
 def test_without_a_model_it_asks_for_one(files, tmp_path, capsys):
     assert main(["evaluate", str(files / "run"), "--truth", str(files / "truth.csv")]) == 2
     assert "--model" in capsys.readouterr().err
+
+
+def test_axes_may_be_named_as_calibrate_body_names_them():
+    parser = parser_of("evaluate", evaluate_verb)
+    for options, y_up in ((["--z-up"], False), (["--no-y-up"], False), (["--y-up"], True), ([], None)):
+        assert parser.parse_args(["run", *options]).y_up is y_up
 
 
 def test_what_the_images_do_not_tell_takes_a_sentence():

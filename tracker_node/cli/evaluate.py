@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--y-up", action=argparse.BooleanOptionalAction,
         help="axes of a .trc, .c3d or .mot: y up, as OpenSim and Pose2Sim write it, or those of the world (default:"
         " a .c3d as it says itself, the others have y up)")  # fmt: skip
+    add("--z-up", dest="y_up", action="store_false", default=None, help="the same as --no-y-up, as calibrate body has it")
     add("--model", action="append", default=[], metavar="FILE",
         help="body model, one for all runs or one for each; default: what run.json names")  # fmt: skip
     add("--rig", action="append", default=[], metavar="FILE",

@@ -77,7 +77,9 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
         "--y-up", dest="y_up", action="store_true", default=None, help="the file has y up (OpenSim, Pose2Sim; the default of TRC;"
         " C3D says it itself)",
     )  # fmt: skip
-    up.add_argument("--z-up", dest="y_up", action="store_false", default=None, help="the file has z up and the axes of the world")
+    up.add_argument(
+        "--z-up", "--no-y-up", dest="y_up", action="store_false", default=None, help="the file has z up and the axes of the world"
+    )  # fmt: skip
 
 
 def _run_body(args: argparse.Namespace) -> int:
