@@ -26,6 +26,10 @@ MSGS := $(VENV)/.msgs-installed
 PACKAGE := $(VENV)/.package-installed
 WEIGHTS := $(VENV)/.weights-asked-for
 COMPILED := $(VENV)/.compiled
+# Of the hundreds of lines that pip prints one in twenty packages, and that it unpacks them. No awk: some wait for a full buffer.
+SHOW_LIFE = { n=0; while read -r line; do case "$$line" in \
+	Collecting*) n=$$((n + 1)); if ((n % 20 == 0)); then echo "  $$n packages fetched"; fi ;; \
+	"Installing collected"*) echo "  unpacking $$n packages" ;; esac; done; }
 MSGS_SOURCES := $(shell find msgs -type f -not -path '*/build/*')
 PACKAGE_SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find config launch resource -type f 2>/dev/null)
 
@@ -46,8 +50,8 @@ system:  ## install missing system packages (as root, with apt-get)
 $(WHEELS): $(REQUIREMENTS)
 	@"$(PYTHON)" tools/check_system.py
 	@$(RUN) -m pip --version >/dev/null 2>&1 || "$(PYTHON)" -m venv --clear $(VENV)
-	@echo "Installing the pinned packages into $(VENV) (about 1.5 GB; a minute or two on a fast connection)"
-	@$(RUN) -m pip install --quiet --no-deps $(REQUIREMENTS:%=-r %)
+	@echo "Installing the pinned packages into $(VENV) (about 1.5 GB; two to ten minutes)"
+	@$(RUN) -m pip install --progress-bar off --no-deps $(REQUIREMENTS:%=-r %) | $(SHOW_LIFE)
 	@touch $@
 
 $(MSGS): $(WHEELS) $(MSGS_SOURCES)

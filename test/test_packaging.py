@@ -203,3 +203,16 @@ def test_classes_of_tracking_that_act_stay_small(repository: Path) -> None:
                 acting[f"{file.stem}.{node.name}"] = len(attributes(node))
     assert acting["tracker.Tracker"] > 1 and acting["reacquisition.Reacquisition"] > 1
     assert not {name: count for name, count in acting.items() if count > 15}
+
+
+def test_make_setup_shows_life_and_fails_as_pip_fails(repository: Path) -> None:
+    """In a line for twenty of the packages, not in pip's three for each."""
+    says = "for i in {1..45}; do echo Collecting $$i; echo '  Downloading it'; done; echo Installing collected packages: a"
+    rule = f"life: ; @{{ {says}; exit $(STATUS); }} | $(SHOW_LIFE)"
+    for status in (0, 3):
+        command = ["make", "--silent", "--eval", rule, f"STATUS={status}", "life"]
+        done = subprocess.run(command, cwd=repository, capture_output=True, text=True)
+        assert done.stdout == "  20 packages fetched\n  40 packages fetched\n  unpacking 45 packages\n"
+        assert bool(done.returncode) == bool(status), done.stderr
+    makefile = (repository / "Makefile").read_text()
+    assert re.search(r"pip install .*\$\(REQUIREMENTS:%=-r %\) \| \$\(SHOW_LIFE\)\n", makefile)

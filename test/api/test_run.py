@@ -1,12 +1,13 @@
 """Tables of pandas and xarray hold what the files of a run hold."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from helpers.bodies.moving_person import moving, write_run
-from tracker_node import load_run
+from tracker_node import load_run, open_recording
 from tracker_node.errors import MissingExtraError, ModelError
 from tracker_node.evaluation.motion.isb_angles import isb_angles
 from tracker_node.loaders.motion.trajectory_file import read_joints, read_states
@@ -29,6 +30,19 @@ def test_states_are_those_of_the_file(run, folder):
     assert np.array_equal(table[list(file.dof_names)], file.values)
     assert table["residual"].tolist() == [row.residual for row in file.rows]
     assert table.index.name == "time_s" and table.index[0] == 0.0 and table.index[1] == pytest.approx(1.0 / 30.0)
+
+
+def test_what_is_printed_is_short(run, folder):
+    """All arrays of a run were 53 000 characters at the end of a notebook's cell."""
+    model = "<ArticulatedModel 'arm_and_trunk': 3 links, 9 degrees of freedom, 3 shapes, 3 landmarks>"
+    assert repr(run.model) == model and repr(run.model.chain) == "<KinematicChain: 3 links from 'trunk' on, 9 degrees of freedom>"
+    data = f"<RunData {folder / 'by_command'}: 6 image sets in 0.17 s, 6 TRACKING, cameras cam01, cam02, cam03>"
+    assert repr(run) == f"<Run of {model}\n {data}>" and str(run.data) == data
+    recording = open_recording(folder / "recording.yaml")
+    assert repr(recording.rig) == "<CameraRig: cam01 160x120, cam02 160x120, cam03 160x120>"
+    assert repr(recording) == f"<Recording of {model} from a given state\n by region in {recording.rig!r}>"
+    searched = replace(recording, initial_state=None, person=[0, 0, 1])
+    assert "which is searched for at [0.0, 0.0, 1.0]\n" in repr(searched) and len(repr(searched)) < 400
 
 
 def test_joints_are_those_of_the_file(run, folder):

@@ -31,6 +31,19 @@ def test_parts_are_as_good_as_a_file(folder):
     assert run.path is None and run.data.bag is None and run.info["options"]["cameras"] == list(rig.names)
 
 
+def test_parts_of_another_kind_are_refused_with_how_to_make_them(folder):
+    rig, model = load_rig(folder / "rig.yaml"), load_model(folder / "model.yaml")
+    with pytest.raises(TypeError, match=r"rig: expected a CameraRig \(load_rig reads one\), got 'rig.yaml'"):
+        Recording("rig.yaml", model)
+    for state in ("start.yaml", {"root": 1}):
+        with pytest.raises(TypeError, match=r"initial_state: expected a State \(load_state\(path, model\) reads one\), got"):
+            Recording(rig, model, initial_state=state)
+    for person in ([1, 2], "left", [[0, 0, 1]], [0, 0, float("nan")], ["a", 0, 1], {"x": 1}):
+        with pytest.raises(TypeError, match="person: expected three numbers, the place in meters in world axes, got"):
+            Recording(rig, model, person=person)
+    assert Recording(rig, model, person=(1, 2, 0.5)).person.tolist() == [1.0, 2.0, 0.5]
+
+
 def test_image_sets_of_a_recording_are_what_the_tracker_takes(folder):
     recording = open_recording(folder / "recording.yaml")
     tracker = Tracker(

@@ -132,6 +132,20 @@ def test_a_trial_that_fails_stops_nothing(trials_file, tmp_path, capsys):
     assert not (tmp_path / "out/failed/no_images.txt").exists()
 
 
+def test_a_camera_that_is_missing_is_said_once_and_the_trial_marked(trials_file, tmp_path, capsys):
+    trials_file.write_text(trials_file.read_text() + "  gone: {sources: {cam03: nowhere}}\n")
+    assert main(["batch", str(trials_file), "--only", "first", "gone", "--workers", "1", "--no-pdf", "--quiet"]) == 0
+    assert "2 of 2 trials tracked\nwith warnings or LOST sets: gone\n" in capsys.readouterr().out
+    gone, first = (read_outcome(tmp_path / "out" / name) for name in ("gone", "first"))
+    missing = f"image source '{tmp_path / 'nowhere'}': no such file or folder"
+    assert list(gone.problems) == [f"camera 'cam03': {missing}; this camera is left out"]
+    assert not first.problems and first.notes == gone.notes and "no rate in image folders" in first.notes[0]
+    page = (tmp_path / "out/report.html").read_text()
+    shown = re.findall(r'<p class="problem">(\w+(?:, \w+)?): ([\w ]+)', page)
+    assert shown == [("gone", "camera "), ("first, gone", "no rate in image folders")]
+    assert re.findall(r'<span class="light (\w+)"[^>]*></span><a href="(\w+)', page) == [("good", "first"), ("warn", "gone")]
+
+
 def test_what_a_trial_is_compared_with_is_checked_before_it_is_tracked(trials_file, tmp_path, monkeypatch):
     trials_file.write_text(trials_file.read_text() + "  goals: {evaluate: {targets: [mpjpe_mm]}}\n")
     monkeypatch.setattr("tracker_node.batch.work.run_together", lambda *_: pytest.fail("it was tracked"))
@@ -147,6 +161,9 @@ def test_image_sets_are_counted_as_the_recording_says_also_of_a_part(trials_file
     trials_file.write_text(trials_file.read_text() + "  part: {images: {end: 6}, evaluate: {image_sets: 9}}\n")
     (outcome,) = run_batch(load_trials(trials_file), BatchOptions(workers=1, only=("part",)))
     assert outcome.metrics["image_sets"] == 9
+    for page in (tmp_path / "out/part").glob("report.*"):
+        assert "drafts" not in page.read_text("latin-1")
+    assert f"<dt>run</dt><dd><code>{tmp_path / 'out/part'}</code>" in (tmp_path / "out/part/report.html").read_text()
 
 
 def test_a_trial_whose_process_dies_is_tried_once_more(trials_file, monkeypatch):

@@ -64,6 +64,18 @@ def test_means_of_counts_have_a_digit_and_names_lead_to_results(tmp_path):
     assert re.findall(r'<a href="([^"]*)">([^<]*)</a></td>', page) == [("a%20b/report.html", "a b"), ("c/", "c")]
 
 
+def test_what_matters_comes_first_and_notes_once(tmp_path):
+    outcomes = [outcome(f"t{i}", 1.0, notes=("no rate",), status_counts={"TRACKING": 9}) for i in range(4)]
+    outcomes.append(outcome("lost", 1.0, notes=("by colors",)))
+    outcomes.append(outcome("broken", 1.0, problems=("cam02 broke off",), status_counts={"TRACKING": 9}))
+    write_batch_report(tmp_path, outcomes)
+    page = (tmp_path / "report.html").read_text()
+    said = ["broken: cam02 broke off", "4 trials: no rate", "lost: by colors"]
+    assert re.findall(r'<p class="problem">([^<]*)<', page) == said
+    assert re.findall(r'class="light (\w+)"', page)[:6] == ["good"] * 4 + ["warn"] * 2
+    assert [one.name for one in outcomes if one.is_doubtful] == ["lost", "broken"]
+
+
 def test_versions_that_differ_are_said(tmp_path):
     write_batch_report(tmp_path, [outcome("a", 1.0), outcome("b", 2.0, version="2")], pdf=False)
     assert "tracked by versions 1 and 2" in (tmp_path / "report.html").read_text()

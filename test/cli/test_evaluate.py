@@ -1,5 +1,6 @@
 """The command: a fabricated run of known error, images and masks that the model fits exactly."""
 
+import io
 import json
 import re
 from argparse import Namespace
@@ -14,8 +15,9 @@ from helpers.bodies.stick_person import Motion, motion, write_run, write_state_b
 from helpers.cameras.render_scenes import look_at
 from tracker_node.camera.model import CameraModel
 from tracker_node.camera.rig import Camera, CameraRig
+from tracker_node.cli import evaluate as evaluate_verb
 from tracker_node.cli.arguments.recording import evaluate_recording
-from tracker_node.cli.main import main
+from tracker_node.cli.main import main, parser_of
 from tracker_node.evaluation.run_review import unobservable_text
 from tracker_node.loaders.bag.message_types import TRACKED_STATE, message_of
 from tracker_node.loaders.bag.reader import BagReader
@@ -97,6 +99,20 @@ def test_a_run_and_a_live_recording_give_the_same_figures(files, tmp_path, run, 
     assert figures["stick.iou_cam01"] == pytest.approx(np.mean(covered))
     assert figures["stick.iou_cam02"] > 0.8
     assert "stick.mpjpe_mm" in capsys.readouterr().out
+
+
+def test_progress_of_several_threads_is_a_line_each(files, tmp_path, monkeypatch):
+    """A line and its end that are written one after the other have another thread's line between them."""
+    writes = []
+
+    class Console(io.StringIO):
+        def write(self, text: str) -> int:
+            writes.append(text)
+            return super().write(text)
+
+    monkeypatch.setattr("sys.stderr", Console())
+    assert evaluate(files, "run", tmp_path / "out", "--no-pdf") == 0
+    assert {"images of cam01\n", "images of cam02\n"} <= set(writes) and "\n" not in writes
 
 
 def test_the_report_holds_everything_itself(files, tmp_path):
@@ -310,6 +326,12 @@ def test_what_does_not_fit_several_runs_is_one_line(files, tmp_path, capsys, mor
 def test_without_a_model_it_asks_for_one(files, tmp_path, capsys):
     assert main(["evaluate", str(files / "run"), "--truth", str(files / "truth.csv")]) == 2
     assert "--model" in capsys.readouterr().err
+
+
+def test_axes_may_be_named_as_calibrate_body_names_them():
+    parser = parser_of("evaluate", evaluate_verb)
+    for options, y_up in ((["--z-up"], False), (["--no-y-up"], False), (["--y-up"], True), ([], None)):
+        assert parser.parse_args(["run", *options]).y_up is y_up
 
 
 def test_what_the_images_do_not_tell_takes_a_sentence():

@@ -116,6 +116,24 @@ def test_help_of_a_verb_has_its_summary_and_example(monkeypatch, capsys):
     assert "a summary" in out and "example:\n  an example" in out
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["calibrate", "body", "--stature", "1,8"], "argument --stature: expected a number, got '1,8'; with a point, 1.8"),
+        (["track", "--rate", "fast"], "argument --rate: expected a number, got 'fast'"),
+        (["calibrate", "body", "--person", "0", "0"], "argument --person: expected 3 arguments"),
+        (["evaluate"], "the following arguments are required: run"),
+    ],
+)
+def test_a_wrong_argument_is_a_line(capsys, arguments, said):
+    """Of fifteen lines of usage before it the hint was the last."""
+    with pytest.raises(SystemExit) as told:
+        main(arguments)
+    verb = "tracker_node calibrate body" if arguments[0] == "calibrate" else f"tracker_node {arguments[0]}"
+    assert told.value.code == 2
+    assert capsys.readouterr().err == f"{verb}: error: {said} ({verb} --help)\n"
+
+
 def test_the_process_s_own_arguments_count_where_none_are_given(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["tracker_node", "--version"])
     assert main() == 0 and main([]) == 0

@@ -72,6 +72,19 @@ def test_a_model_may_be_a_body_by_its_name(folder):
     assert load_recording(written(folder, text)).model == str(folder / "gait_human")
 
 
+def test_a_body_of_the_package_that_is_named_as_a_file_is_said(folder):
+    told = "expected an existing file, or human, the name of a body of the package, got"
+    for text, field in (
+        ("rig: rig.yaml\nmodel: human.yaml\noutput: run\n", "model"),
+        ("rig: rig.yaml\noutput: run\njoining: {model: human.yaml}\n", "joining.model"),
+        ("rig: rig.yaml\noutput: run\nbodies: {anna: {model: human.yaml}}\n", "bodies.anna.model"),
+    ):
+        with pytest.raises(FileFormatError, match=f"field '{field}': {told}"):
+            load_recording(written(folder, text))
+    with pytest.raises(FileFormatError, match=rf"human.yaml: field '\(file\)': {told}"):
+        load_model(folder / "human.yaml")
+
+
 def test_sources_by_camera(folder):
     text = "rig: rig.yaml\nmodel: person.yaml\noutput: run\nsources: {left: a.mp4, right: 'v4l2:/dev/video0', top: /abs/b.mp4}\n"
     sources = load_recording(written(folder, text)).sources

@@ -49,6 +49,10 @@ class Run:
     data: RunData
     model: ArticulatedModel
 
+    def __repr__(self) -> str:
+        """Two lines, which end a cell of a notebook without flooding it."""
+        return f"<{type(self).__name__} of {self.model!r}\n {self.data!r}>"
+
     def __len__(self) -> int:
         """Number n of image sets."""
         return len(self.data)

@@ -19,6 +19,7 @@ from .work import FAILED_STATE, Outcome
 
 FEWEST = 5  # trials, of fewer none stands out
 STANDS_OUT = 3.5  # modified z-score, of Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993
+_NAMED = 3  # trials at most that a note names, of more it counts them
 _TO_SIGMA = 0.6745  # median absolute deviation of a normal distribution, in standard deviations
 
 _MEANINGS = (
@@ -109,6 +110,7 @@ def _document(outcomes: Sequence[Outcome], output: Path) -> Document:
     over = _over_trials(tracked, subjects)
     problems = [f"{outcome.name} failed: {outcome.reason}" for outcome in outcomes if outcome.state == FAILED_STATE]
     problems += [f"{outcome.name}: {problem}" for outcome in tracked for problem in outcome.problems]
+    problems += _notes(tracked)
     by = sorted({outcome.version for outcome in tracked})
     if len(by) > 1:
         problems.append(f"Trials were tracked by versions {' and '.join(by)}: figures may differ for that alone (--again).")
@@ -119,6 +121,15 @@ def _document(outcomes: Sequence[Outcome], output: Path) -> Document:
     ]
     kept = [DocumentSection(key, title, blocks) for key, title, made in sections if (blocks := [b for b in made if b])]
     return Document(f"{len(outcomes)} trials", today(), facts, problems, kept, _MEANINGS, made_by())
+
+
+def _notes(tracked: Sequence[Outcome]) -> list[str]:
+    """What is worth knowing, once for all trials that it is said of."""
+    of: dict[str, list[str]] = {}
+    for outcome in tracked:
+        for note in outcome.notes:
+            of.setdefault(note, []).append(outcome.name)
+    return [f"{', '.join(names) if len(names) <= _NAMED else f'{len(names)} trials'}: {note}" for note, names in of.items()]
 
 
 def _keys(outcomes: Sequence[Outcome], body: str = "") -> list[str]:
@@ -167,13 +178,14 @@ def _trial_table(outcomes: Sequence[Outcome], output: Path) -> Table:
             folder = f"{outcome.name}/{body}/" if body else f"{outcome.name}/"
             page = f"{folder}report.html"
             link = "" if failed else quote(page if (output / page).is_file() else folder)
-            mark = "good" if known_sets(counts) and not failed else "bad"
+            mark = "bad" if failed or not known_sets(counts) else "warn" if outcome.problems or counts.get("LOST") else "good"
             row: list[Value] = [Cell(outcome.name, mark, link=link), outcome.subject, *[body] * several]
             row += [outcome.image_sets or None, tracking, *(_number(outcome.metrics.get(_of(body) + key)) for _, key, _ in shown)]
             rows.append([*row, outcome.wall_s])
     note = (
         "The folder of a trial, of its name, holds its bag, tables and run.json, and a report where the trial says what it is"
-        " compared with. What is red has failed, or its body was in no set TRACKING or DEGRADED."
+        " compared with. What is red has failed, or its body was in no set TRACKING or DEGRADED; what is orange has"
+        " warnings above, or LOST sets."
     )
     return Table("trials", "Trials", note, columns, rows)
 

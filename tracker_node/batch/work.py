@@ -27,7 +27,7 @@ from ..evaluation.report.builder import ReportOptions, write_report
 from ..evaluation.report.kinematics import ranges_of
 from ..evaluation.report.summary import parse_target
 from ..evaluation.review import Review
-from ..evaluation.run_review import RunFiles, check_evaluation, review_run
+from ..evaluation.run_review import RunFiles, check_evaluation, review_run, unobservable_text
 from ..loaders.json_values import finite, read_json
 from ..loaders.recording_yaml import FILES, RecordingFile
 from ..loaders.whole_file import write_whole
@@ -76,7 +76,8 @@ class Outcome:
     ----------
     state : `TRACKED` or `FAILED_STATE`.
     reason, details : why it failed, in a sentence, and for whoever looks closer.
-    problems : sentences on what was unusual.
+    problems : sentences on what may have made figures worse: cameras that are missing, break off or contradict others.
+    notes : sentences on what is usual and worth knowing.
     by_body : of several bodies, name -> its part of ``status_counts``.
     metrics : of `Review.metrics`, without the run's name; of several bodies with the body's, ``anna.mpjpe_mm``.
     ranges : name of a joint's angle, as in the trial's own report -> lowest and highest value, degrees or meters.
@@ -88,6 +89,7 @@ class Outcome:
     reason: str = ""
     details: str = ""
     problems: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     image_sets: int = 0
     status_counts: Mapping[str, int] = field(default_factory=dict)
     by_body: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
@@ -98,6 +100,11 @@ class Outcome:
     batch: str = ""  # token of the call that has made it
     version: str = ""
     host: str = ""
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether it was tracked, and somebody should look at it: it has problems, or its body was LOST."""
+        return self.state == TRACKED and bool(self.problems or self.status_counts.get("LOST"))
 
 
 def run_trial(job: Job) -> Outcome:
@@ -200,11 +207,12 @@ def _tracked(job: Job, draft: Path) -> Outcome:
         if job.threads == 1:  # there is a worker for each processor
             recording = replace(recording, images=replace(recording.images, threads=1, ahead=False))
         runs[body] = OfflineRun(**vars(recording), asked=recording.named_options())
-    problems: list[str] = []
-    summaries = run_together(runs, {body: draft / body for body in bodies}, _progress(job), problems.append)
-    problems += [sentence for summary in summaries.values() for sentence in summary["errors"] if sentence not in problems]
+    told: list[str] = []
+    summaries = run_together(runs, {body: draft / body for body in bodies}, _progress(job), told.append)
+    problems = [sentence for summary in summaries.values() for sentence in summary["errors"]]
+    notes = [sentence for summary in summaries.values() for sentence in [*summary["notes"], *unobservable_text(summary)]]
     if not any(summary["image_sets"] for summary in summaries.values()):
-        raise TrackerError("; ".join(problems) or "no image set was formed from the images")
+        raise TrackerError("; ".join(dict.fromkeys([*told, *problems])) or "no image set was formed from the images")
     metrics: dict[str, float | int | None] = {}
     ranges: dict[str, tuple[float, float]] = {}
     counts: Counter[str] = Counter()
@@ -219,16 +227,22 @@ def _tracked(job: Job, draft: Path) -> Outcome:
             continue
         if not known_sets(summary["status_counts"]):
             problems.append(f"{body or 'the body'} is LOST throughout, mostly: {summary['reason']}")
-        found = _reviewed(job.name, file, draft / body)
+        found = _reviewed(job, file, draft, body)
         metrics |= {of + key.removeprefix(f"{found.name}."): finite(value) for key, value in found.metrics().items()}
         ranges |= {of + name: ends for name, ends in _ranges(found).items()}
-        problems += [f"{body}: {sentence}" if body else sentence for sentence in found.problems]
+        new = [one for one in found.problems if one not in notes and not any(_core(one) in known for known in problems)]
+        problems += [f"{body}: {sentence}" if body else sentence for sentence in new]
     by_body = {body: summaries[body]["status_counts"] for body in bodies if body}
     return Outcome(
-        job.name, job.subject, TRACKED, problems=tuple(dict.fromkeys(problems)),
+        job.name, job.subject, TRACKED, problems=tuple(dict.fromkeys(problems)), notes=tuple(dict.fromkeys(notes)),
         image_sets=max(summary["image_sets"] for summary in summaries.values()),
         status_counts=dict(counts), by_body=by_body, metrics=metrics, ranges=ranges,
     )  # fmt: skip
+
+
+def _core(sentence: str) -> str:
+    """An error without the words around it: the run, its review and the images say the same one."""
+    return sentence.removeprefix("The run met an error: ").rstrip(".")
 
 
 def _progress(job: Job) -> Callable[[int, int | None, TrackEstimate], None]:
@@ -244,9 +258,9 @@ def _progress(job: Job) -> Callable[[int, int | None, TrackEstimate], None]:
     return note
 
 
-def _reviewed(name: str, recording: RecordingFile, draft: Path) -> Review:
+def _reviewed(job: Job, recording: RecordingFile, folder: Path, body: str) -> Review:
     """The run against truth, where the trial names any, with a report of its own then."""
-    entry = recording.evaluate
+    entry, name, draft = recording.evaluate, job.name, folder / body
     if entry is None:
         return review_run(RunFiles(str(draft), pictures=0, options=EvaluationOptions(name)), _nothing)
     lag = None if entry.lag == "auto" else float(entry.lag)
@@ -256,6 +270,7 @@ def _reviewed(name: str, recording: RecordingFile, draft: Path) -> Review:
         str(draft), rig=recording.rig, truth=entry.truth, y_up=entry.y_up, masks=masks, pictures=_PICTURES, options=options
     )
     found = review_run(files, _nothing)
+    found = replace(found, sources={**found.sources, "run": str(Path(job.output) / job.name / body)})  # where it will be
     write_report(draft, [found], ReportOptions(dict(map(parse_target, entry.targets))))
     return found
 

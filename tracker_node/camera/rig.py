@@ -143,6 +143,11 @@ class CameraRig:
         if len(set(names)) != len(names):
             raise ValueError(f"expected unique camera names, got {names}")
 
+    def __repr__(self) -> str:
+        """In a line, without lenses and places."""
+        sized = [f"{camera.name} {camera.model.width}x{camera.model.height}" for camera in self.cameras]
+        return f"<{type(self).__name__}: {', '.join(sized) or 'no cameras'}>"
+
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(camera.name for camera in self.cameras)

@@ -52,6 +52,8 @@ def run(args: argparse.Namespace) -> int:
     write_batch_report(trials.output, outcomes, not args.no_pdf, (lambda text: None) if args.quiet else shown.tell)
     failed = [outcome.name for outcome in outcomes if outcome.state == FAILED_STATE]
     print(f"{len(outcomes) - len(failed)} of {len(outcomes)} trials tracked{'; failed: ' if failed else ''}{', '.join(failed)}")
+    if doubtful := [outcome.name for outcome in outcomes if outcome.is_doubtful]:
+        print(f"with warnings or LOST sets: {', '.join(doubtful)}")
     print(f"report in {trials.output / REPORT_HTML}")
     return 1 if failed else 0
 

@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--y-up", action=argparse.BooleanOptionalAction,
         help="axes of a .trc, .c3d or .mot: y up, as OpenSim and Pose2Sim write it, or those of the world (default:"
         " a .c3d as it says itself, the others have y up)")  # fmt: skip
+    add("--z-up", dest="y_up", action="store_false", default=None, help="the same as --no-y-up, as calibrate body has it")
     add("--model", action="append", default=[], metavar="FILE",
         help="body model, one for all runs or one for each; default: what run.json names")  # fmt: skip
     add("--rig", action="append", default=[], metavar="FILE",
@@ -122,7 +123,7 @@ def _compare_days(args: argparse.Namespace) -> int:
 
 
 def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+    print(f"{text}\n", end="", file=sys.stderr, flush=True)  # at once: cameras are read by several threads
 
 
 def names_of(runs: Sequence[str], given: Sequence[str]) -> list[str]:

@@ -11,6 +11,7 @@ import argparse
 import importlib
 import os
 import pkgutil
+import re
 import sys
 from functools import cache
 from types import ModuleType
@@ -152,7 +153,15 @@ _RENAMED_OPTIONS = {
 
 
 class _Parser(argparse.ArgumentParser):
-    """One that says the present name of an option of version 0.1."""
+    """One that says the present name of an option of version 0.1, and in a line what is wrong."""
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+        self.register("type", float, _number)  # of all arguments that are of this type
+
+    def error(self, message):
+        """A line, as for all that a user does wrong; usage of fifteen lines before it hides it."""
+        self.exit(EX_USAGE, f"{self.prog}: error: {message} ({self.prog} --help)\n")
 
     def parse_known_args(self, args=None, namespace=None):
         # Before anything else is said: what is missing may be what the old name stands for
@@ -161,6 +170,16 @@ class _Parser(argparse.ArgumentParser):
             if old in _RENAMED_OPTIONS and _RENAMED_OPTIONS[old] in self._option_string_actions:
                 self.error(f"unknown option {old}: it is {_RENAMED_OPTIONS[old]} now")
         return super().parse_known_args(args, namespace)
+
+
+def _number(text: str) -> float:
+    """A number of the command line; of 1,78 nobody knows in all countries whether it is 1.78 or 178."""
+    try:
+        return float(text)
+    except ValueError:
+        pointed = text.replace(",", ".")
+        hint = f"; with a point, {pointed}" if re.fullmatch(r"[-+]?\d*,\d+", text) else ""
+        raise argparse.ArgumentTypeError(f"expected a number, got {text!r}{hint}") from None
 
 
 def _unknown(verb: str) -> int:

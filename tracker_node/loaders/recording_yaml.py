@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import FileFormatError, SourceError
 from .file_model import RECORDING, FileModel, PositiveNumber, are_numbers, checked, floats, is_number, problem, validate
-from .model.model_yaml import is_named
+from .model.model_yaml import existing_model, is_named
 from .rig.rig_yaml import ImageSize, check_source
 from .source_address import filled, relocated, sources_by_name
 from .yaml_file import read_mapping, write_mapping
@@ -319,11 +319,11 @@ def _existing(recording: str | Path, field: str, name: str | None) -> str | None
     """Path of a file that a recording names, from here; a model may be a word that names a body of the package."""
     if name is None:
         return None
-    file = os.path.join(Path(recording).parent, name)
-    if field.rpartition(".")[2] == "model" and not os.path.exists(file) and is_named(name):
+    file, is_model = os.path.join(Path(recording).parent, name), field.rpartition(".")[2] == "model"
+    if is_model and not os.path.exists(file) and is_named(name):
         return name
     if not (os.path.isfile(file) or (field in ("keypoints.files", "joint_states.file") and os.path.isdir(file))):
-        raise FileFormatError(recording, field, "an existing file", file)
+        raise FileFormatError(recording, field, existing_model(name) if is_model else "an existing file", file)
     return file
 
 

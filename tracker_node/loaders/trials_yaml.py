@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from ..errors import FileFormatError, TrackerError
-from .file_model import TRIALS, FileModel, checked, known_keys, validate
+from .file_model import TRIALS, FileModel, checked, known_keys, problem, validate
 from .recording_yaml import RecordingFile, load_recording, located
 from .yaml_file import read_mapping
 
@@ -26,22 +26,22 @@ _NEVER = ("joining",)
 _OF_A_TRIAL = ("recording", "subject")
 
 
-def _are_named(value: Any) -> bool:
-    return isinstance(value, dict) and all(
-        isinstance(name, str) and _NAME.fullmatch(name) and name not in _RESERVED and (entry is None or isinstance(entry, dict))
-        for name, entry in value.items()
-    )
+def _named(value: Any) -> dict[str, Any]:
+    """By name what is said of each; raises a problem with the first name, or what is said of it, that cannot be."""
+    if not isinstance(value, dict):
+        raise problem("a mapping for each name", value)
+    for name, entry in value.items():
+        if not isinstance(name, str):
+            raise problem("a name in quotes where it is a number or a word of YAML", name)
+        if not _NAME.fullmatch(name) or name in _RESERVED:
+            raise problem("a name of ASCII letters, digits, _ . + - (first a letter or digit; at most 100), not 'failed'", name)
+        if not (entry is None or isinstance(entry, dict)):
+            raise problem(f"a mapping for each name, as for {name}", entry)
+    return {name: entry or {} for name, entry in value.items()}
 
 
 Fields = Annotated[dict[str, Any], checked("a mapping", lambda value: isinstance(value, dict))]
-Named = Annotated[
-    dict[str, Any],
-    checked(
-        "a mapping for each name; letters, digits, _ . + - in names, in quotes where they are numbers, not 'failed'",
-        _are_named,
-        lambda value: {name: entry or {} for name, entry in value.items()},
-    ),
-]
+Named = Annotated[dict[str, Any], BeforeValidator(_named)]
 
 
 class TrialsFile(FileModel):

@@ -74,6 +74,11 @@ class ArticulatedModel:
         set_(self, "landmark_links", np.array([chain.link_index(m.link) for m in self.landmarks], dtype=np.int64))
         set_(self, "landmark_positions", np.array([m.position for m in self.landmarks], dtype=np.float64).reshape(-1, 3))
 
+    def __repr__(self) -> str:
+        """In a line: all arrays of a person's are 20 000 characters."""
+        counts = f"{len(self.chain.links)} links, {self.n_dof} degrees of freedom, {len(self.shapes)} shapes"
+        return f"<{type(self).__name__} {self.name!r}: {counts}, {len(self.landmarks)} landmarks>"
+
     @property
     def landmark_names(self) -> tuple[str, ...]:
         return tuple(landmark.name for landmark in self.landmarks)

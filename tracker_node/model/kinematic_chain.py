@@ -205,6 +205,10 @@ class KinematicChain:
     neutral: np.ndarray = field(init=False, repr=False, compare=False)  # driven axes where their leaders put them
     couplings: tuple[tuple[int, int, Following], ...] = field(init=False, repr=False, compare=False)  # (axis, leader, how)
 
+    def __repr__(self) -> str:
+        """In a line, as of a body."""
+        return f"<{type(self).__name__}: {len(self.links)} links from {self.links[0]!r} on, {self.n_dof} degrees of freedom>"
+
     def __post_init__(self):
         links, joint_of = _topological_order(self.links, self.joints)
         index = {name: i for i, name in enumerate(links)}

@@ -33,7 +33,8 @@ class Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """A value with a mark: ``good`` and ``bad`` for targets, ``better`` and ``worse`` for differences, ``code`` for keys.
+    """A value with a mark: ``good``, ``warn`` and ``bad`` for targets and trials, ``better`` and ``worse`` for differences,
+    ``code`` for keys.
 
     ``link``: address that a page leads to from there.
     """

@@ -64,7 +64,7 @@ def render_html(document: Document) -> str:
         charts=_json(charts),
         curves=_json({"times": list(times), "curves": curves}),
         scenes=_json(scenes),
-        colors={"good": STATES["tracking"], "bad": STATES["lost"], "blue": BLUE, "ink": BLACK},
+        colors={"good": STATES["tracking"], "bad": STATES["lost"], "warn": STATES["degraded"], "blue": BLUE, "ink": BLACK},
         script=Markup(_template("scene.js") + _template("report.js")),
         plotly=Markup(_template(PLOTLY) if charts or curves else ""),
     )

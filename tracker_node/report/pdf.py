@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from ..render.palette import BLACK, BLUE, GRAY, GREEN, RED, color_name
+from ..render.palette import BLACK, BLUE, GRAY, GREEN, ORANGE, RED, color_name
 from . import charts as plots
 from .document import Block, Cell, Column, Curve, Curves, Document, Pictures, Table, Value, cell_text
 
@@ -26,8 +26,8 @@ SMALLEST, _TABLE_SIZE, _SMALL = 6.0, 6.8, 7.0
 _GAP_IN = 0.16  # beside the cells of a table
 _NARROWEST_IN, _TITLE_IN = 0.9, 1.5  # of a column whose text is broken; of a title that is not
 _CURVES_ACROSS, _CURVE_IN = 3, 0.95
-_MARKS = {"good": GREEN, "bad": RED, "better": BLUE, "worse": RED, "code": GRAY}
-_WORDS = {"good": " (met)", "bad": " (missed)"}  # what is a light on a page
+_MARKS = {"good": GREEN, "bad": RED, "warn": ORANGE, "better": BLUE, "worse": RED, "code": GRAY}
+_WORDS = {"good": " (met)", "bad": " (missed)", "warn": " (warning)"}  # what is a light on a page
 
 
 def write_pdf(path: str | Path, document: Document, progress: Callable[[str], None] = lambda text: None) -> int:

@@ -88,6 +88,13 @@ class RunData:
     residual_unit: str = PX
     details: RunDetails | None = None
 
+    def __repr__(self) -> str:
+        """In a line: which run, how long, what became of it, by which cameras."""
+        seconds = (self.stamps_ns[-1] - self.stamps_ns[0]) * 1e-9 if len(self) else 0.0
+        where = str(self.path) if self.path.exists() else "that was not written"
+        said = f"{len(self)} image sets in {seconds:.2f} s, {self.status_text or 'no states'}"
+        return f"<{type(self).__name__} {where}: {said}{', cameras ' * bool(self.cameras)}{', '.join(self.cameras)}>"
+
     @classmethod
     def of_estimates(cls, path: Path, model: ArticulatedModel, rig: CameraRig, estimates: Sequence[TrackEstimate]) -> RunData:
         """What a tracker of ``model`` before the cameras of ``rig`` has returned, one estimate for each image set.

@@ -90,8 +90,18 @@ class Recording:
         for name, value, kind in (("rig", self.rig, CameraRig), ("model", self.model, ArticulatedModel)):
             if not isinstance(value, kind):
                 raise TypeError(f"{name}: expected a {kind.__name__} (load_{name} reads one), got {value!r}")
+        if not isinstance(self.initial_state, State | None):
+            raise TypeError(f"initial_state: expected a State (load_state(path, model) reads one), got {self.initial_state!r}")
+        if self.person is not None:
+            object.__setattr__(self, "person", _place(self.person))
         if self.config is None:
             object.__setattr__(self, "config", config_for(None, self.model, self.points is not None))
+
+    def __repr__(self) -> str:
+        """Two lines: body and cameras, by what they are compared and where the body begins."""
+        begins = "from a given state" if self.initial_state is not None else "which is searched for"
+        begins = begins if self.person is None else f"{begins} at {self.person.tolist()}"
+        return f"<{type(self).__name__} of {self.model!r} {begins}\n by {', '.join(self.config.modalities)} in {self.rig!r}>"
 
     def image_sets(self) -> ImageSetStream:
         """The image sets of the sources, in the order of their stamps; iterate over them once.
@@ -128,11 +138,22 @@ class Recording:
         }
 
 
+def _place(person: Any) -> np.ndarray:
+    """(3,) meters, of what a program has given."""
+    try:
+        place = np.asarray(person, dtype=np.float64)
+    except (TypeError, ValueError):
+        place = np.empty(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise TypeError(f"person: expected three numbers, the place in meters in world axes, got {person!r}")
+    return place
+
+
 def _from_anywhere(source: str) -> str:
     return without_password(relocated(source, Path.cwd()))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class OfflineRun(Recording):
     """A recording, and what is asked of the run.
 
@@ -280,7 +301,7 @@ class _Followed:
         self._smoothed: SmoothedWriter | None = None
         if run.smooth_s is not None:
             self._smoothed = stack.enter_context(SmoothedWriter(output, run.model, run.config.motion, run.smooth_s))
-        self._record, self._joined_after = _Record(run.model), joined_after
+        self._record, self._joined_after = _Record(run.model, run.person), joined_after
 
     def take(self, estimate: TrackEstimate, image_set: ImageSet) -> None:
         """Write what has been made of an image set."""
@@ -419,6 +440,7 @@ def _what_mostly(name: str) -> str:
 
 
 _EVERY_ROW = 16  # of an image is looked at for colors
+_NEAR_M = 2.0  # of a place that is asked for, beyond which it may be somebody else who is followed
 _MANY_SETS = 10  # in none of which a camera shows the body, after which that is noted
 
 
@@ -427,6 +449,8 @@ class _Record:
     """What the summary needs of each estimate."""
 
     model: ArticulatedModel
+    person: np.ndarray | None = None  # place that was asked for
+    first: np.ndarray | None = None  # place where the body began
     began: float = field(default_factory=time.perf_counter)
     status: Counter = field(default_factory=Counter)
     reasons: Counter[str] = field(default_factory=Counter)  # of sets in which the body is not tracked
@@ -446,6 +470,7 @@ class _Record:
         self.stamps_ns.append(estimate.stamp_ns)
         self.total_ms.append(estimate.timings.total_ms)
         if estimate.status.has_state:
+            self.first = estimate.state.T_world_root[:3, 3] if self.first is None else self.first
             self.iterations.append(estimate.iterations)
             self.residual.append(estimate.residual)
             self.used.update(camera.camera for camera in estimate.cameras if camera.stamp_ns)
@@ -459,7 +484,16 @@ class _Record:
 
     @property
     def notes(self) -> list[str]:
-        """Cameras that never show the body, where others do."""
+        """Somebody far from the place that was asked for, and cameras that never show the body, where others do."""
+        return [*self._elsewhere(), *self._never_seen()]
+
+    def _elsewhere(self) -> list[str]:
+        if self.person is None or self.first is None or (away_m := float(np.linalg.norm(self.first - self.person))) <= _NEAR_M:
+            return []
+        asked, began = (f"({', '.join(f'{x:.1f}' for x in place)})" for place in (self.person, self.first))
+        return [f"person: asked for at {asked}, the nearest was at {began}, {away_m:.1f} m away: is it somebody else?"]
+
+    def _never_seen(self) -> list[str]:
         if not self.seeing:
             return []
         never = [name for name, sets in self.used.items() if sets >= _MANY_SETS and name not in self.seeing]

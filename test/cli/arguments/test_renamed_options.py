@@ -24,4 +24,5 @@ def test_the_message_has_the_present_name(command, now, capsys):
     with pytest.raises(SystemExit) as end:
         main(command)
     assert end.value.code == 2
-    assert capsys.readouterr().err.splitlines()[-1].endswith(f"error: {now}")
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"error: {now} (tracker_node {command[0]}" in line

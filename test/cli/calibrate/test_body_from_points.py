@@ -90,6 +90,20 @@ def test_a_camera_that_is_gone_is_named(clip: Clip, tmp_path: Path, capsys: pyte
     assert model_stature(load_model(tmp_path / "child.yaml")) == pytest.approx(model_stature(CHILD), rel=0.1)
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(100.0, "centimeters"), (1000.0, "millimeters")])
+def test_a_rig_in_another_unit_is_named(
+    clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str], factor: float, unit: str
+) -> None:
+    rig = read_rig_file(clip.rig_file)
+    poses = {camera.name: camera.T_world_cam.copy() for camera in clip.rig}
+    for T in poses.values():
+        T[:3, 3] *= factor
+    write_rig_file(rig.with_extrinsics(poses), tmp_path / "rig.yaml", base_dir=clip.folder)
+    assert calibrate(clip, tmp_path / "child.yaml", "--from-points", tmp_path / "rig.yaml") == 2
+    error = said(capsys)
+    assert f"seems to be in {unit}" in error and f"Divide it by {factor:.0f}." in error and "people" not in error
+
+
 def with_sources(clip: Clip, folder: Path, **sources: str | None) -> Path:
     """A rig.yaml in ``folder`` of the clip's cameras with other sources."""
     rig = read_rig_file(clip.rig_file)

@@ -55,6 +55,7 @@ def test_defaults_of_the_commands():
     args = parsed("body")
     assert (args.joint_sigma_mm, args.y_up, args.sets, args.output) == (None, None, 20, "person.yaml")
     assert parsed("body", "--z-up").y_up is False and parsed("body", "--y-up").y_up
+    assert parsed("body", "--no-y-up").y_up is False  # as evaluate has it
     assert parsed("intrinsics", "--videos", "a.mp4", *BOARD).views == 80
     assert parsed("background", "--rig", "r.yaml").images == 25
 

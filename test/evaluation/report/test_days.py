@@ -54,6 +54,17 @@ def test_differences_of_ranges_and_strides_are_those_of_the_walks(days):
     assert not any("jump" in key for key in found)
 
 
+def test_angles_that_the_body_lacks_are_left_out(days):
+    """Those that turns about its hinges leave at 1e-14 degrees, as reports of single runs leave them out."""
+    still = {"left_knee_adduction", "right_elbow_carrying_angle"}
+    assert still <= set(days[0].reviews[0].joint_motion.names)
+    compared = [key for key in days_metrics(days) if "range_" in key]
+    assert compared and not any(name in key for name in still for key in compared)
+    ranges = next(block for block in days_document(days).blocks if block.key == "ranges")
+    assert "left knee flexion" in [row[0] for row in ranges.rows]
+    assert not still & {str(row[0]).replace(" ", "_") for row in ranges.rows}
+
+
 def test_curves_of_the_days_and_their_difference(days):
     document = days_document(days)
     charts = {block.title: block for block in document.blocks}

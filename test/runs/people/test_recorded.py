@@ -92,6 +92,15 @@ def test_points_alone_on_smaller_images(clip: Clip, tmp_path: Path) -> None:
     assert errors_m(clip, tmp_path / "run").mean() < 0.05
 
 
+def test_somebody_far_from_the_place_that_was_asked_for_is_noted(clip: Clip, tmp_path: Path) -> None:
+    for place, noted in (([30.0, 30.0, 1.0], True), ([0.5, 0.0, 1.0], False)):
+        asked = run_of(clip, initial_state=None, person=np.array(place), config=POINTS_ALONE, max_sets=2)
+        summary = run_offline(asked, tmp_path / str(noted))
+        assert summary["status_counts"]["INITIALIZING"] < 2
+        notes = [note for note in summary["notes"] if note.endswith("m away: is it somebody else?")]
+        assert len(notes) == noted and all("asked for at (30.0, 30.0, 1.0), the nearest was at (" in note for note in notes)
+
+
 def test_the_command(clip: Clip, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points = ["--keypoints", str(clip.folder / "pose"), "--output", str(tmp_path / "run"), "--max-sets", "3", "--quiet"]
     assert main(["track", *clip.arguments(), *points]) == 0

@@ -152,6 +152,16 @@ def test_of_two_people_the_one_where_cameras_look_or_near_a_place() -> None:
         assert bone_errors_mm(fit.model, own).max() < 20.0 < bone_errors_mm(fit.model, foreign).max()
 
 
+def test_somebody_far_from_the_place_is_not_taken() -> None:
+    body = person({"size": 0.1})
+    here, away = (images_of(body, [standing(x, 0.0, model=body)])[0] for x in (0.2, -2.3))
+    fit = body_from_points(HUMAN, RIG, [here, away], near=np.array([1.0, 0.0, 1.0]))
+    assert fit.rows == (0,)
+    told = r"within 2 m of \(30.0, 30.0, 1.0\) \(meters, world axes\); the nearest is at \(0.2, -?0.0, 0.9\), 42.\d m from it"
+    with pytest.raises(TrackerError, match=told):
+        body_from_points(HUMAN, RIG, [here, away], near=np.array([30.0, 30.0, 1.0]))
+
+
 def test_points_that_nobody_has_seen(child) -> None:
     """Forearms are in no image: their lengths are as expected, and the others are found."""
     body, _, seen = child

@@ -21,7 +21,7 @@ from ..motion.gait import N_PARTS
 from ..motion.joint_motion import Ranges, ranges
 from ..motion.jumps import SIDES
 from ..review import Review
-from .kinematics import LEAST_RANGE_DEG, STRIDE, STRIDE_ANGLES, STRIDE_MEASURES, mean_line
+from .kinematics import LEAST_RANGE_DEG, STRIDE, STRIDE_ANGLES, STRIDE_MEASURES, mean_line, ranges_of
 from .scene import scene
 
 _CONFIDENCE = 0.95
@@ -167,7 +167,8 @@ def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
 def _ranges(days: Sequence[Day]) -> list[_Measure]:
     over_strides = all(day.walks for day in days)
     of = [day.ranges(over_strides) for day in days]
-    names = list(dict.fromkeys(name for found in of for name in found))
+    moving = {name for day in days for review in day.reviews for name in ranges_of(review)}  # others the body does not have
+    names = [name for name in dict.fromkeys(name for found in of for name in found) if name in moving]
     units = {
         name: unit
         for day in days

@@ -44,6 +44,8 @@ def load_model(path: str | Path) -> ArticulatedModel:
     """
     if is_named(path):
         return HUMANS[Path(path).name]()
+    if Path(path).stem in HUMANS and not Path(path).exists():
+        raise FileFormatError(path, "(file)", existing_model(path), "no such file")
     if is_robot(path):
         return load_urdf(path)
     content = read_mapping(path)
@@ -59,6 +61,12 @@ def load_model(path: str | Path) -> ArticulatedModel:
 def is_named(path: str | Path) -> bool:
     """True for a word that names a body of the package, in whatever folder, where there is no such file."""
     return Path(path).name in HUMANS and not Path(path).exists()
+
+
+def existing_model(path: str | Path) -> str:
+    """What is expected in the place of a model file that is missing: where it is ``human.yaml``, ``human`` may be meant."""
+    word = Path(path).stem
+    return "an existing file" + (f", or {word}, the name of a body of the package" if word in HUMANS else "")
 
 
 def _build_model(model_file: ModelFile, path: str | Path) -> ArticulatedModel:

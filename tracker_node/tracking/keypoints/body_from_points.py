@@ -34,6 +34,7 @@ from .start import PointStart
 _LENGTHS = ("size", "length", "breadth")
 _ITERATIONS, _TOLERANCE = 30, 1e-4
 _STEP = 1e-3  # of derivatives by differences
+_NEAR_M = 2.0  # of a place that is asked for, beyond which it is somebody else who is nearest
 _NOTHING = 1e-9  # information of what no image tells and nothing expects, so that equations can be solved
 
 
@@ -79,7 +80,7 @@ def body_from_points(
     people : whom a detector has found, by image set and camera.
     table : what the detector's points are on the body.
     config : parameters of the points.
-    near : (3,) meters, world; None: where the cameras look.
+    near : (3,) meters, world; image sets in which nobody is within 2 m of it have no part. None: where the cameras look.
 
     Returns
     -------
@@ -87,20 +88,26 @@ def body_from_points(
 
     Raises
     ------
-    TrackerError : no image set shows a person in two cameras whom the body suits.
+    TrackerError : no image set shows a person in two cameras whom the body suits, or none near the place.
     """
     config = config or TrackerConfig()
     modality = KeypointModality(rig, model, config.keypoints, table)
     start = PointStart(rig, model, KeypointFitting(model, config, modality), 0)  # with a body of other lengths points disagree
     choice = PersonChoice(rig, modality, start)
-    rows, states, observed = [], [], []
+    rows, states, observed, others = [], [], [], []
     for row, seen in enumerate(people):
         state = choice.find(seen, near) if sum(map(bool, seen)) > 1 else None  # one camera tells no lengths
-        if state is not None:
+        if state is not None and near is not None and _away_m(state, near) > _NEAR_M:
+            others.append(state)
+        elif state is not None:
             modality.set_images((), state, None, choice.choose(seen, state))
             rows.append(row)
             states.append(state)
             observed.append(modality.correspond(state, 1.0).observed)
+    if not rows and near is not None and others:
+        nearest = min(others, key=lambda state: _away_m(state, near))
+        told = f"the nearest is at {_written(nearest.T_world_root[:3, 3])}, {_away_m(nearest, near):.1f} m from it"
+        raise TrackerError(f"expected a person within {_NEAR_M:g} m of {_written(near)} (meters, world axes); {told}")
     if not rows:
         raise TrackerError(f"expected one image set with a person in two cameras, got none in {len(people)} image sets")
     problem = _Problem(rig, model, table, config, observed)
@@ -109,6 +116,14 @@ def body_from_points(
     lengths = tuple(map(BodyLength, problem.space.names, found.s.tolist(), sigmas.tolist()))
     body, residual_px = problem.space.body(found.s), problem.residual_px(found)
     return BodyFromPoints(body, found.states, tuple(rows), lengths, residual_px)
+
+
+def _away_m(state: State, place: np.ndarray) -> float:
+    return float(np.linalg.norm(state.T_world_root[:3, 3] - place))
+
+
+def _written(place: np.ndarray) -> str:
+    return f"({', '.join(f'{x:.1f}' for x in place)})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,7 +77,9 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
         "--y-up", dest="y_up", action="store_true", default=None, help="the file has y up (OpenSim, Pose2Sim; the default of TRC;"
         " C3D says it itself)",
     )  # fmt: skip
-    up.add_argument("--z-up", dest="y_up", action="store_false", default=None, help="the file has z up and the axes of the world")
+    up.add_argument(
+        "--z-up", "--no-y-up", dest="y_up", action="store_false", default=None, help="the file has z up and the axes of the world"
+    )  # fmt: skip
 
 
 def _run_body(args: argparse.Namespace) -> int:
@@ -157,6 +159,7 @@ def _check_size(args: argparse.Namespace, fit, stature_m: float) -> None:
 def _from_points(args: argparse.Namespace) -> int:
     """From the points of a recording's images."""
     from ....calibration.body import model_stature
+    from ....camera.rig import check_metres
     from ....loaders.images.source import SourceOptions
     from ....loaders.model.model_yaml import dump_model
     from ....loaders.rig.rig_yaml import load_rig
@@ -165,6 +168,7 @@ def _from_points(args: argparse.Namespace) -> int:
     from ....runs.image_sets import SourceStream
     from ....runs.people.detection import people_of_sets
     from ....tracking.config import TrackerConfig
+    from ....tracking.initialization.detector import body_size
     from ....tracking.keypoints.body_from_points import body_from_points
 
     given = args.trc or args.stature or args.states or args.rig or args.report or args.asymmetric
@@ -174,9 +178,10 @@ def _from_points(args: argparse.Namespace) -> int:
     check(args.sets >= 1, "--sets", "a number of at least 1", args.sets)
     near = place_of_person(args)
     refuse_to_overwrite(args, args.output)
-    model, prostheses, _ = _started(args)
+    model, prostheses, whole = _started(args)
     config = load_config(args.config) if args.config else TrackerConfig()
     rig = load_rig(args.from_points)
+    check_metres(rig.cameras, body_size(whole))  # before people are found, which takes long, and whose rays would not meet
     stream = SourceStream(rig, config.synchronizer, SourceOptions(), str(args.from_points))
     find, table = _finder(args, rig, model, config, stream)
     people = people_of_sets(stream, args.sets, find, (lambda *_: None) if args.quiet else StageProgress("calibrate body"))
