@@ -15,7 +15,7 @@ BODY = np.array([[0.1, 0.0, 0.9], [-0.1, 0.0, 0.9], [0.1, 0.1, 0.5], [-0.1, 0.1,
 
 
 def joints(off_m: float = 0.0) -> Trajectories:
-    """Somebody who walks to and fro, and turns."""
+    """Somebody who walks there and back, and turns."""
     t = np.arange(N) / 30.0
     turns = np.array([so3.exp(np.array([0.0, 0.0, 0.8 * x])) for x in t])
     places = np.stack([1.5 * np.sin(1.3 * t), 1.5 * t, np.zeros(N)], axis=1)
