@@ -124,6 +124,16 @@ def test_no_image_reaches_a_subscription_that_is_gone(loop, probe):
         loop.until(lambda: images.get_subscription_count() == 1, "a connection")
 
 
+def test_ends_that_come_and_go_wait_for_no_events(loop, probe):
+    """One that is queued when its end is destroyed ends the process: the event loop forgets it without the interpreter's lock."""
+    node = loop.node
+    inbox = ImageInbox(node, ["cam1"], InboxOptions(), QosMismatches(node, Diagnostics(node)))
+    inbox.subscribe(["cam1"])
+    node.create_publisher(Int32, "numbers", 1)
+    loop.until(lambda: True, "a round")
+    assert list(node.waitables) == []
+
+
 def publish(images, infos) -> None:
     images.publish(image_message(0, "f", np.zeros((4, 4, 3), np.uint8)))
     infos.publish(CameraInfo())

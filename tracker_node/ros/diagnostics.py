@@ -10,14 +10,13 @@ from collections.abc import Iterable, Mapping
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ..tracking.estimate import BUMPED, DELAYED, FROZEN, TURNED, CameraFault
 from .graph_check import GraphCheck
-from .qos import RESULT, policy_name
+from .qos import RESULT, policy_of
 
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
@@ -158,71 +157,71 @@ _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of rmw
 
 
 class QosMismatches:
-    """Reports each mismatch as a part ``quality of service of <what>``; `recheck` ends those that are over."""
+    """Reports each mismatch of our ends of topics as a part ``quality of service of <what>``, as `recheck` finds them.
+
+    Parameters
+    ----------
+    node, diagnostics : whose ends are looked at, and where it is said.
+    """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._node, self._diagnostics = node, diagnostics
-        self._known: dict[str, tuple[str, dict[str, str]]] = {}  # what -> problem, and its values: topic, policy
+        self._watched: dict[str, tuple[str, str]] = {}  # what -> topic, and who is at its other end
+        self._ends: dict[str, tuple[int, int]] = {}  # what -> publishers and subscribers when it was looked at last
+        self._known: dict[str, str] = {}  # what -> policy
 
-    def of_subscription(self, what: str, topic: str) -> SubscriptionEventCallbacks:
-        """Event callbacks for ``create_subscription``.
+    def of_subscription(self, what: str, topic: str) -> None:
+        """Watch a subscription.
 
         Parameters
         ----------
         what : name of the subscription for people.
         topic : its name.
-
-        Returns
-        -------
-        callbacks : that report mismatches.
         """
-        return SubscriptionEventCallbacks(incompatible_qos=lambda event: self._found(what, topic, "a publisher", event))
+        self._watched[what] = topic, "a publisher"
 
-    def of_publisher(self, what: str, topic: str) -> PublisherEventCallbacks:
-        """Event callbacks for ``create_publisher``.
+    def of_publisher(self, what: str, topic: str) -> None:
+        """Watch a publisher.
 
         Parameters
         ----------
         what : name of the publisher for people.
         topic : its name.
-
-        Returns
-        -------
-        callbacks : that report mismatches.
         """
-        return PublisherEventCallbacks(incompatible_qos=lambda event: self._found(what, topic, "a subscriber", event))
-
-    def _found(self, what: str, topic: str, other: str, event) -> None:
-        policy = policy_name(event.last_policy_kind)
-        problem = f"nothing passes between us and {other}: its {policy} does not match ours"
-        self._known[what] = problem, {"topic": topic, "policy": policy}
-        self._tell(what)
-
-    def _tell(self, what: str) -> None:
-        self._diagnostics.report(_part(what), WARN, *self._known[what])
+        self._watched[what] = topic, "a subscriber"
 
     def recheck(self, again: bool = True) -> None:
         """Once a second: those whose other end has left, or come back with what matches, are no trouble any more.
 
-        The others are reported ``again``: a node that was at rest has said meanwhile that nothing is expected of it.
+        Those known are reported ``again``: a node that was at rest has said meanwhile that nothing is expected of it.
         """
-        for what, (_, values) in list(self._known.items()):
-            if not self._mismatched(values["topic"]):
+        for what, (topic, other) in self._watched.items():
+            ends = self._node.count_publishers(topic), self._node.count_subscribers(topic)
+            known = self._known.get(what)
+            if known is None and ends == self._ends.get(what):
+                continue
+            policy = self._mismatched(topic) if all(ends) else ""
+            self._ends[what] = ends
+            if policy and (again or policy != known):
+                self._known[what] = policy
+                problem = f"nothing passes between us and {other}: its {policy} does not match ours"
+                self._diagnostics.report(_part(what), WARN, problem, {"topic": topic, "policy": policy})
+            elif known is not None and not policy:
                 del self._known[what]
-                self._diagnostics.report(_part(what), OK, "matches", {"topic": values["topic"]})
-            elif again:
-                self._tell(what)
+                self._diagnostics.report(_part(what), OK, "matches", {"topic": topic})
 
-    def _mismatched(self, topic: str) -> bool:
+    def _mismatched(self, topic: str) -> str:
+        """The policy by which nothing passes between one of our ends of a topic and another; empty where all match."""
         full = self._node.resolve_topic_name(topic)
         publishers = self._node.get_publishers_info_by_topic(full)
         subscribers = self._node.get_subscriptions_info_by_topic(full)
-        return any(
-            qos_check_compatible(one.qos_profile, other.qos_profile)[0] == QoSCompatibility.ERROR
-            for one in publishers
-            for other in subscribers
-            if self._is_ours(one) or self._is_ours(other)
-        )
+        for one in publishers:
+            for other in subscribers:
+                if self._is_ours(one) or self._is_ours(other):
+                    compatible, reason = qos_check_compatible(one.qos_profile, other.qos_profile)
+                    if compatible == QoSCompatibility.ERROR:
+                        return policy_of(reason)
+        return ""
 
     def _is_ours(self, end: TopicEndpointInfo) -> bool:
         if end.node_name == _UNKNOWN:  # the graph has not heard of its node yet

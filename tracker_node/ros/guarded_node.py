@@ -117,7 +117,8 @@ class GuardedNode(Node):
 
     An exception that leaves a callback would end the event loop, and with it the process. What is destroyed calls nobody any
     more: the events executor delivers what it has queued for a subscription even after its end, without a reference to it; so
-    these are kept for a while.
+    these are kept for a while. An event of an end of a topic that is queued when that is destroyed ends the process (rclpy issue
+    1644): ends that come and go have none.
 
     Attributes
     ----------
@@ -140,14 +141,14 @@ class GuardedNode(Node):
         topic : name.
         callback : called with each message.
         *arguments : as of rclpy.
-        event_callbacks : callbacks of events of the subscription, guarded as well.
+        event_callbacks : callbacks of events of the subscription, guarded as well; None: none.
         **options : as of rclpy.
 
         Returns
         -------
         subscription : of rclpy.
         """
-        events = self._guarded_events(topic, event_callbacks or SubscriptionEventCallbacks())
+        events = self._guarded_events(topic, event_callbacks or SubscriptionEventCallbacks(use_default_callbacks=False))
         guarded = self.callback_errors.guarded(topic, callback)
         return super().create_subscription(msg_type, topic, guarded, *arguments, event_callbacks=events, **options)
 
@@ -161,14 +162,14 @@ class GuardedNode(Node):
         msg_type : class of the messages.
         topic : name.
         *arguments : as of rclpy.
-        event_callbacks : callbacks of events of the publisher.
+        event_callbacks : callbacks of events of the publisher, guarded as well; None: none.
         **options : as of rclpy.
 
         Returns
         -------
         publisher : of rclpy.
         """
-        events = self._guarded_events(topic, event_callbacks or PublisherEventCallbacks())
+        events = self._guarded_events(topic, event_callbacks or PublisherEventCallbacks(use_default_callbacks=False))
         return super().create_publisher(msg_type, topic, *arguments, event_callbacks=events, **options)
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:

@@ -42,10 +42,8 @@ class JointStateInbox:
         self._states, self._newest_ns = JointStates(_MOST), 0
         self._patient, self._last_s, self._problem = True, time.monotonic(), ""
         self.received = self.refused = self.used = self.missed = 0
-        events = mismatches.of_subscription("joint states", topic)
-        self._subscription = node.create_subscription(
-            JointState, topic, self._take, **overridable(RESULT), event_callbacks=events
-        )
+        mismatches.of_subscription("joint states", topic)
+        self._subscription = node.create_subscription(JointState, topic, self._take, **overridable(RESULT))
 
     @property
     def topic(self) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable, MutableMapping
 from copy import copy
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..loaders.bag.metadata import OfferedQos
@@ -85,9 +85,13 @@ def overridable(qos: QoSProfile) -> dict[str, Any]:
     return {"qos_profile": copy(qos), "qos_overriding_options": QoSOverridingOptions.with_default_policies()}
 
 
-def policy_name(kind: int) -> str:
-    """The name of a policy in an event of incompatible quality of service."""
-    return QoSPolicyKind(kind).name.lower()
+_POLICIES = {"reliable": "reliability", "transient local": "durability", "deadline": "deadline", "liveliness": "liveliness"}
+
+
+def policy_of(reason: str) -> str:
+    """The policy that `qos_check_compatible` speaks of, by which two ends of a topic do not match."""
+    said = reason.lower()
+    return next((policy for word, policy in _POLICIES.items() if word in said), "quality of service")
 
 
 def use_fastdds_profile(environment: MutableMapping[str, str] = os.environ) -> str:
@@ -139,22 +143,16 @@ class SequenceGaps:
     Parameters
     ----------
     publishers : how many there are now.
+
+    Attributes
+    ----------
+    lost : messages so far, which never become fewer.
     """
 
     def __init__(self, publishers: Callable[[], int]):
         self._publishers = publishers
         self._latest: list[int] = []  # of each publisher, that heard of last at the end
-        self._missing = self._reported = 0
-
-    @property
-    def lost(self) -> int:
-        """Messages so far, which never become fewer: by their numbers, or, without any, as the middleware tells."""
-        return max(self._missing, self._reported)
-
-    def reported(self, total: int) -> None:
-        """So many messages are lost, says the middleware, which does not count those that it replaces by newer ones."""
-        if not self._latest:
-            self._reported = max(self._reported, total)
+        self.lost = 0
 
     def came(self, number: int | None) -> None:
         """A message with this number."""
@@ -172,5 +170,5 @@ class SequenceGaps:
         del self._latest[:-n_publishers]  # of those that have left
         before = max((latest for latest in self._latest if latest < number), default=None)
         if before is not None and len(self._latest) == n_publishers:
-            self._missing += number - before - 1
+            self.lost += number - before - 1
             self._latest.remove(before)

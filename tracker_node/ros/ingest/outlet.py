@@ -212,8 +212,8 @@ class CameraOutlet:
         name = camera.name
 
         def create(message_type, topic: str, qos: QoSProfile) -> Publisher:
-            events = mismatches.of_publisher(topic, topic)
-            return node.create_publisher(message_type, topic, **overridable(qos), event_callbacks=events)
+            mismatches.of_publisher(topic, topic)
+            return node.create_publisher(message_type, topic, **overridable(qos))
 
         self.infos = create(CameraInfo, f"{name}/camera_info", RESULT)
         self.images = self.compressed = None

@@ -81,12 +81,10 @@ class KeypointsNode(GuardedNode):
         self._mismatches = QosMismatches(self, self._diagnostics)
         self._sets = NewestSet(tuple(options.cameras), options.synchronizer, options.lossless)
         self._points_of = {
-            camera: self.create_publisher(
-                Keypoints, f"{camera}/keypoints", **overridable(_POINTS),
-                event_callbacks=self._mismatches.of_publisher(f"points of {camera}", f"{camera}/keypoints"),
-            )
-            for camera in options.cameras
-        }  # fmt: skip
+            camera: self.create_publisher(Keypoints, f"{camera}/keypoints", **overridable(_POINTS)) for camera in options.cameras
+        }
+        for camera in options.cameras:
+            self._mismatches.of_publisher(f"points of {camera}", f"{camera}/keypoints")
         followed = (*options.trackers, *options.joining)
         self._crops: dict[str, tuple[int, Mapping[str, Crop]]] = {name: (0, {}) for name in followed}
         self._waits = options.wait_for_subscribers > 0

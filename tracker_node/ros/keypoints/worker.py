@@ -194,11 +194,9 @@ class NewestSet:
         """
         kind, topic = (CompressedImage, "image_raw/compressed") if compressed else (Image, "image_raw")
         for camera in self._cameras:
-            name = f"{camera}/{topic}"
-            node.create_subscription(
-                kind, name, partial(self._add, camera), **overridable(images_subscribed(self._lossless)),
-                event_callbacks=mismatches.of_subscription(camera, name), raw=kind is Image,
-            )  # fmt: skip
+            name, qos = f"{camera}/{topic}", overridable(images_subscribed(self._lossless))
+            mismatches.of_subscription(camera, name)
+            node.create_subscription(kind, name, partial(self._add, camera), **qos, raw=kind is Image)
 
     def _add(self, camera: str, data: Any) -> None:
         """``data``: a serialized image, or a compressed one."""

@@ -138,10 +138,6 @@ class ImageInbox:
                 self.infos[camera] = info
                 self._condition.notify()
 
-        def count_lost(event) -> None:
-            gaps.reported(event.total_count)
-            self.lost[camera] = lost_before + gaps.lost
-
         qos, create, direct = images_subscribed(self._options.lossless), self._node.create_subscription, self._options.direct
         calibration = create(CameraInfo, f"{camera}/camera_info", remember, qos)
         if direct is not None and camera in direct.cameras:
@@ -150,9 +146,8 @@ class ImageInbox:
         topic, kind = f"{camera}/image_raw", Image
         if self._options.compressed:
             topic, kind = f"{topic}/compressed", CompressedImage
-        events = self._mismatches.of_subscription(camera, topic)
-        events.message_lost = count_lost
-        images.append(create(kind, topic, with_number(enqueue), **overridable(qos), event_callbacks=events, raw=kind is Image))
+        self._mismatches.of_subscription(camera, topic)
+        images.append(create(kind, topic, with_number(enqueue), **overridable(qos), raw=kind is Image))
         return [*images, calibration]
 
     def _enqueue(self, received: Received) -> None:

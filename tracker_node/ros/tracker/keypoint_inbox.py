@@ -288,10 +288,8 @@ class KeypointInbox:
 
     def _subscribed(self, camera: str) -> Subscription:
         topic = f"{camera}/keypoints"
-        events = self._mismatches.of_subscription(f"points of {camera}", topic)
-        return self._node.create_subscription(
-            Keypoints, topic, partial(self._take, camera), **overridable(RESULT), event_callbacks=events, raw=True
-        )
+        self._mismatches.of_subscription(f"points of {camera}", topic)
+        return self._node.create_subscription(Keypoints, topic, partial(self._take, camera), **overridable(RESULT), raw=True)
 
     def _take(self, camera: str, data: Any) -> None:
         """``data``: the serialized message."""

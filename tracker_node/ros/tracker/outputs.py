@@ -95,8 +95,8 @@ class TrackerOutputs:
         return _Channel(self._publisher(class_, f"~/{self._prefix}{prefix}{output.topic}"), class_())
 
     def _publisher(self, message_type, topic: str) -> Publisher:
-        events = self._mismatches.of_publisher(topic, topic)
-        return self._created(message_type, topic, **overridable(RESULT), event_callbacks=events)
+        self._mismatches.of_publisher(topic, topic)
+        return self._created(message_type, topic, **overridable(RESULT))
 
     def _created(self, message_type, topic: str, **options) -> Publisher:
         self._publishers.append(self._node.create_publisher(message_type, topic, **options))
@@ -160,8 +160,8 @@ class BodiesOutput:
 
     def __init__(self, node: Node, models: Mapping[str, ArticulatedModel], mismatches: QosMismatches):
         self._node, self._models, class_ = node, models, message_class(BODIES)
-        events = mismatches.of_publisher("bodies", "~/bodies")
-        publisher = node.create_publisher(class_, "~/bodies", **overridable(RESULT), event_callbacks=events)
+        mismatches.of_publisher("bodies", "~/bodies")
+        publisher = node.create_publisher(class_, "~/bodies", **overridable(RESULT))
         self._channel = _Channel(publisher, class_())
 
     def publish(self, estimates: Mapping[str, TrackEstimate], frame_id: str) -> None:
