@@ -50,7 +50,7 @@ system:  ## install missing system packages (as root, with apt-get)
 $(WHEELS): $(REQUIREMENTS)
 	@"$(PYTHON)" tools/check_system.py
 	@$(RUN) -m pip --version >/dev/null 2>&1 || "$(PYTHON)" -m venv --clear $(VENV)
-	@echo "Installing the pinned packages into $(VENV) (about 1.5 GB; two to ten minutes)"
+	@echo "Installing the pinned packages into $(VENV) (3 GB; two to ten minutes)"
 	@$(RUN) -m pip install --progress-bar off --no-deps $(REQUIREMENTS:%=-r %) | $(SHOW_LIFE)
 	@touch $@
 
