@@ -144,7 +144,17 @@ def _grown(rig: CameraRig, group: PersonGroup, seen: Sequence[Sequence[Person]])
 
 
 def met(rig: CameraRig, persons: Sequence[Person | None]) -> PersonGroup | None:
-    """The people as one, wherever that is; None where cameras have too few points in common."""
+    """One person in several cameras, wherever that is.
+
+    Parameters
+    ----------
+    rig : cameras.
+    persons : who it is, by camera.
+
+    Returns
+    -------
+    None where cameras have too few points in common.
+    """
     first = next(person for person in persons if person is not None)
     n = len(first.names)
     A, b, count = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros(n)

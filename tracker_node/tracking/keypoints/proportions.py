@@ -19,7 +19,8 @@ from .people_groups import met
 
 _POSES, _RIGID = 24, 0.04  # that are tried; standard deviation of a distance, of its mean, that no joint changes
 _SHORTEST = 0.08  # of the body's extent, of a distance that is compared
-_EVERY, _KEPT, _LEAST = 6, 30, 5  # image sets from look to look; looks that are kept; from which on something is said
+_EVERY, _LATER = 6, 30  # image sets from look to look, at first and after that
+_KEPT, _LEAST = 20, 5  # looks that are kept; from which on something is said
 _LEAST_PAIRS = 4  # of a look
 _TOLERANCE = np.log(1.1)  # of true bodies of six clips the ratio is .965 to 1.026, of those scaled by .9 and 1.15 1.132 and .893
 
@@ -48,7 +49,8 @@ class Proportions:
     def look(self, persons: Persons) -> None:
         """Take in who is the body in each camera; now and then."""
         self._calls += 1
-        if self._calls % _EVERY != 1 or sum(person is not None for person in persons) < 2 or not len(self._pairs):
+        every = _EVERY if len(self._ratios) < _LEAST else _LATER
+        if self._calls % every != 1 or sum(person is not None for person in persons) < 2 or not len(self._pairs):
             return
         group = met(self._rig, persons)
         if group is None:
