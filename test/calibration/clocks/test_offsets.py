@@ -132,7 +132,7 @@ def test_errors_are_as_large_as_the_covariance_says():
 def test_what_cannot_be_told_is_refused():
     rig = ring()
     films = [film(rig.cameras[0], 0.0), film(rig.cameras[1], 0.0), film(rig.cameras[2], 233.33)]
-    with pytest.raises(CalibrationError, match=r"camera 'cam2': its motion agrees with no other camera's"):
+    with pytest.raises(CalibrationError, match=r"'cam2': its motion agrees with no other camera's.* a clap \(--by sound\)"):
         estimate_clocks(motions(rig, films))
     with pytest.raises(CalibrationError, match=r"camera 'cam0': has 12 images; at least 20"):
         motions(rig, [film(c, 0.0, n=12) for c in rig])
