@@ -51,8 +51,8 @@ TROUBLE = {
 @pytest.mark.parametrize("said", TROUBLE)
 def test_what_lasts_is_told(said):
     check = GraphCheck(Graph(**TROUBLE[said]))
-    told = [check.problems() for _ in range(6)]
-    assert told[:2] == [[], []]
+    told = [check.problems() for _ in range(30)]
+    assert told[:4] == [[]] * 4 and (told[23] == [] or "clock" in said)  # a node that was killed is seen for 20 s
     (text,) = told[-1]
     assert text.startswith(said)
 
@@ -60,13 +60,13 @@ def test_what_lasts_is_told(said):
 @pytest.mark.parametrize("changes", [{}, {"sim_time": True, "now_ns": 5}, {"publishers": 0}, {"names": ("tracker", "links")}])
 def test_what_is_usual_is_no_problem(changes):
     check = GraphCheck(Graph(**changes))
-    assert not any(check.problems() for _ in range(9))
+    assert not any(check.problems() for _ in range(40))
 
 
 def test_what_passes_is_not_told():
     graph = Graph(publishers=2)
     check = GraphCheck(graph)
-    for n in (2, 2, 1, 2, 2):
+    for n in (*[2] * 20, 1, *[2] * 20):
         graph.n = n
         assert check.problems() == []
 
@@ -77,7 +77,7 @@ def test_diagnostics_tell_it_and_its_end(probe):
     for node in nodes:
         probe.add_node(node)
         node.create_publisher(Image, "cam1/image_raw", 1)
-    diagnostics = Diagnostics(nodes[0], period_s=0.1)
+    diagnostics = Diagnostics(nodes[0], period_s=0.05)
 
     def part() -> DiagnosticStatus:
         return probe.diagnostics.get("twin: graph", DiagnosticStatus())

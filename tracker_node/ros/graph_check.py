@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
-_LOOKS, _CLOCK_LOOKS = 3, 5  # in a row at which a problem is there until it is told: who has ended says so at once
+_LOOKS, _CLOCK_LOOKS = 25, 5  # in a row at which a problem is there until it is told: a killed node is in the graph for 20 s
 _NAMED = 4  # topics in a message
 
 
@@ -35,7 +35,7 @@ class GraphCheck:
         if self._node.get_node_names_and_namespaces().count(own) < 2:
             return ""
         full = self._node.get_fully_qualified_name()
-        return f"another node is named {full}: end it, or name one otherwise (one that was killed is forgotten after 20 s)"
+        return f"another node is named {full}: end it, or name one otherwise"
 
     def _several_publishers(self) -> str:
         """Of images, which are of one camera each, and would be mixed."""
