@@ -183,8 +183,8 @@ def _consistent_lags(tables: Tables, motions: Sequence[MotionProfiles], near: fl
             lost = next(k for k in range(n) if k not in lags)
             best = max((peak for pair, peak in peaks.items() if lost in pair), default=0.0)
             problem = f"its motion agrees with no other camera's (best correlation {best:.2f}); is it of the same time,"
-            others = "if so, more seconds of motion may tell, or another way: a clap (--by sound), flashes, timecode"
-            raise CalibrationError(motions[lost].camera, f"{problem} within the largest offset that is searched? {others}")
+            remedy = "if so, more seconds of motion may tell, or another way: a clap (--by sound), flashes, timecode"
+            raise CalibrationError(motions[lost].camera, f"{problem} within the largest offset that is searched? {remedy}")
         i, j = max(open_pairs, key=lambda pair: open_pairs[pair])
         first, table = tables[i, j]  # type: ignore[misc]
         lag = first + int(table.argmax())
