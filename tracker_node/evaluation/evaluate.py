@@ -242,7 +242,7 @@ def evaluate(
         shift_ns=int(truth.stamps_ns[0]) - start_ns,
         image_0_ns=image_0_ns,
         placements=len(tried),
-        truth_doubts=tuple(doubts_of_truth(estimate, truth.select(joints), image_0_ns, scale)),
+        truth_doubts=tuple(doubts_of_truth(estimate, truth, image_0_ns, scale)),
         image_sets=expected_sets(run, period_ns, options.image_sets),
         raw=ErrorSeries(errors, valid),
         no_lag_correction=ErrorSeries(

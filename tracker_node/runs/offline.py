@@ -26,6 +26,7 @@ from ..observation.image_set import ImageSet
 from ..parallel import short_switches
 from ..tracking.config import KEYPOINTS, REGION, TrackerConfig
 from ..tracking.estimate import Status, TrackEstimate
+from ..tracking.keypoints.body_from_points import NEAR_M, place_text
 from ..tracking.together.bodies import Bodies, shared_threads
 from ..tracking.together.joining import Joining, JoiningOptions
 from ..tracking.tracker import Tracker
@@ -440,7 +441,6 @@ def _what_mostly(name: str) -> str:
 
 
 _EVERY_ROW = 16  # of an image is looked at for colors
-_NEAR_M = 2.0  # of a place that is asked for, beyond which it may be somebody else who is followed
 _MANY_SETS = 10  # in none of which a camera shows the body, after which that is noted
 
 
@@ -488,9 +488,9 @@ class _Record:
         return [*self._elsewhere(), *self._never_seen()]
 
     def _elsewhere(self) -> list[str]:
-        if self.person is None or self.first is None or (away_m := float(np.linalg.norm(self.first - self.person))) <= _NEAR_M:
+        if self.person is None or self.first is None or (away_m := float(np.linalg.norm(self.first - self.person))) <= NEAR_M:
             return []
-        asked, began = (f"({', '.join(f'{x:.1f}' for x in place)})" for place in (self.person, self.first))
+        asked, began = place_text(self.person), place_text(self.first)
         return [f"person: asked for at {asked}, the nearest was at {began}, {away_m:.1f} m away: is it somebody else?"]
 
     def _never_seen(self) -> list[str]:

@@ -442,8 +442,8 @@ class Engine(AnyEngine):
         assessment = self.judge.assess(fit, image_set)
         if self.choice is not None and self.choice.denied_sets(image_set.stamp_ns) >= _DENIED_SETS:
             assessment = _denied(assessment)
-        if self.choice is not None and self.choice.doubt_of_size:
-            assessment = _doubted(assessment, self.choice.doubt_of_size, self.choice.is_of_another_size)
+        if self.choice is not None and (doubt := self.choice.doubt_of_size):
+            assessment = _doubted(assessment, doubt, self.choice.is_of_another_size)
         self._weights = assessment.part_weights
         self.solver.remember(fit, assessment)
         return assessment

@@ -503,10 +503,9 @@ class Tracker:
         One that is not lost is near where it was, whoever else is found.
         """
         track = self._track
-        lost = track.start is None or track.lost >= _LOST_SETS
-        if self._late is None or not (lost or track.spoiled):
+        here = None if track.start is None or track.lost >= _LOST_SETS else track.start.T_world_root[:3, 3]
+        if self._late is None or not (here is None or track.spoiled):
             return False
-        here = None if lost or track.start is None else track.start.T_world_root[:3, 3]
         begin = track.engine.find(people, self._near if here is None else here)
         if begin is None or (here is not None and np.linalg.norm(begin.T_world_root[:3, 3] - here) > _SAME_PLACE_M):
             return False

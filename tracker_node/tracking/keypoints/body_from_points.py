@@ -34,7 +34,7 @@ from .start import PointStart
 _LENGTHS = ("size", "length", "breadth")
 _ITERATIONS, _TOLERANCE = 30, 1e-4
 _STEP = 1e-3  # of derivatives by differences
-_NEAR_M = 2.0  # of a place that is asked for, beyond which it is somebody else who is nearest
+NEAR_M = 2.0  # of a place that is asked for, beyond which it is somebody else who is nearest
 _NOTHING = 1e-9  # information of what no image tells and nothing expects, so that equations can be solved
 
 
@@ -97,7 +97,7 @@ def body_from_points(
     rows, states, observed, others = [], [], [], []
     for row, seen in enumerate(people):
         state = choice.find(seen, near) if sum(map(bool, seen)) > 1 else None  # one camera tells no lengths
-        if state is not None and near is not None and _away_m(state, near) > _NEAR_M:
+        if state is not None and near is not None and _away_m(state, near) > NEAR_M:
             others.append(state)
         elif state is not None:
             modality.set_images((), state, None, choice.choose(seen, state))
@@ -106,8 +106,8 @@ def body_from_points(
             observed.append(modality.correspond(state, 1.0).observed)
     if not rows and near is not None and others:
         nearest = min(others, key=lambda state: _away_m(state, near))
-        told = f"the nearest is at {_written(nearest.T_world_root[:3, 3])}, {_away_m(nearest, near):.1f} m from it"
-        raise TrackerError(f"expected a person within {_NEAR_M:g} m of {_written(near)} (meters, world axes); {told}")
+        told = f"the nearest is at {place_text(nearest.T_world_root[:3, 3])}, {_away_m(nearest, near):.1f} m from it"
+        raise TrackerError(f"expected a person within {NEAR_M:g} m of {place_text(near)} (meters, world axes); {told}")
     if not rows:
         raise TrackerError(f"expected one image set with a person in two cameras, got none in {len(people)} image sets")
     problem = _Problem(rig, model, table, config, observed)
@@ -122,7 +122,8 @@ def _away_m(state: State, place: np.ndarray) -> float:
     return float(np.linalg.norm(state.T_world_root[:3, 3] - place))
 
 
-def _written(place: np.ndarray) -> str:
+def place_text(place: np.ndarray) -> str:
+    """A place (3,) meters for people."""
     return f"({', '.join(f'{x:.1f}' for x in place)})"
 
 

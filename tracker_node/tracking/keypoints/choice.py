@@ -11,7 +11,7 @@ from ...observation.keypoints.people import Person, rearranged
 from ..engine import Choice
 from ..modality import PeopleSeen, Persons
 from .modality import KeypointModality, rows_of
-from .people_groups import grouped, mirrored
+from .people_groups import mirrored
 from .proportions import Proportions
 from .start import PointStart
 
@@ -64,8 +64,8 @@ class PersonChoice(Choice):
         """Where the body begins."""
         self._swaps[:] = _SWAP_PRIOR
         found = self._start.find(people, near)
-        if found is None and (groups := grouped(self._rig, people)):
-            self._proportions.look(groups[0].persons)  # whom the body may not suit
+        if found is None and self._start.group is not None:
+            self._proportions.take(self._start.group)  # whom the body may not suit
         return found
 
     def choose(self, people: PeopleSeen, expected: State) -> Persons:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from ...model.configuration import State
 from ...objective.keypoints.correspondences import BodyPoints
 from ..modality import Persons
 from .modality import rows_of
-from .people_groups import met
+from .people_groups import PersonGroup, met
 
 _POSES, _RIGID = 24, 0.04  # that are tried; standard deviation of a distance, of its mean, that no joint changes
 _SHORTEST = 0.08  # of the body's extent, of a distance that is compared
@@ -23,8 +24,6 @@ _EVERY, _LATER = 6, 30  # image sets from look to look, at first and after that
 _KEPT, _LEAST = 20, 5  # looks that are kept; from which on something is said
 _LEAST_PAIRS = 4  # of a look
 _TOLERANCE = np.log(1.1)  # of true bodies of six clips the ratio is .965 to 1.026, of those scaled by .9 and 1.15 1.132 and .893
-
-
 _OUT = np.log(1.25)  # ...and from which on it is not: ends of limbs are a decimeter off
 
 
@@ -35,37 +34,53 @@ class Proportions:
     ----------
     rig : cameras.
     names, body : points on the body.
+
+    Attributes
+    ----------
+    ratio : size of the person by that of the body; nan while too little was seen.
     """
 
     def __init__(self, rig: CameraRig, names: Sequence[str], body: BodyPoints):
-        self._rig, self._names = rig, tuple(names)
-        self._pairs, self._distances_m = _rigid_pairs(body)
+        self._rig, self._names, self._body = rig, tuple(names), body
         self.reset()
 
     def reset(self) -> None:
         """Nobody has been seen."""
         self._calls, self._ratios = 0, deque[float](maxlen=_KEPT)
+        self.ratio = np.nan
 
     def look(self, persons: Persons) -> None:
         """Take in who is the body in each camera; now and then."""
+        if sum(person is not None for person in persons) > 1 and self._is_due():
+            group = met(self._rig, persons)
+            if group is not None:
+                self._add(group)
+
+    def take(self, group: PersonGroup) -> None:
+        """Take in who may be the body; now and then."""
+        if self._is_due():
+            self._add(group)
+
+    def _is_due(self) -> bool:
         self._calls += 1
-        every = _EVERY if len(self._ratios) < _LEAST else _LATER
-        if self._calls % every != 1 or sum(person is not None for person in persons) < 2 or not len(self._pairs):
+        return self._calls % (_EVERY if len(self._ratios) < _LEAST else _LATER) == 1
+
+    def _add(self, group: PersonGroup) -> None:
+        pairs, distances_m = self._rigid_pairs
+        if not len(pairs):
             return
-        group = met(self._rig, persons)
-        if group is None:
-            return
-        first = next(person for person in persons if person is not None)
+        first = next(person for person in group.persons if person is not None)
         points = group.points[rows_of(first.names, self._names)]
-        found_m = np.linalg.norm(points[self._pairs[:, 0]] - points[self._pairs[:, 1]], axis=1)
+        found_m = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
         known = np.isfinite(found_m)
         if known.sum() >= _LEAST_PAIRS:
-            self._ratios.append(float(np.median(found_m[known] / self._distances_m[known])))
+            self._ratios.append(float(np.median(found_m[known] / distances_m[known])))
+        if len(self._ratios) >= _LEAST:
+            self.ratio = float(np.median(self._ratios))
 
-    @property
-    def ratio(self) -> float:
-        """Size of the person by that of the body; nan while too little was seen."""
-        return float(np.median(self._ratios)) if len(self._ratios) >= _LEAST else np.nan
+    @cached_property
+    def _rigid_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        return _rigid_pairs(self._body)
 
     @property
     def is_out(self) -> bool:
@@ -76,7 +91,7 @@ class Proportions:
     def doubt(self) -> str:
         """Why the body may not be the person's; empty where it may."""
         ratio = self.ratio
-        if not abs(np.log(ratio)) > _TOLERANCE:
+        if not abs(np.log(ratio)) > _TOLERANCE:  # nor of nan
             return ""
         apart = f"{100.0 * abs(ratio - 1.0):.0f} % {'farther from' if ratio > 1.0 else 'nearer to'} each other than the body's"
         return f"the person's points are {apart}: is it the person's body?"

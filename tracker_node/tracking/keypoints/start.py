@@ -46,6 +46,10 @@ class PointStart:
     rig, model : cameras and body.
     fitting : fits the body to the points of its modality.
     patience_sets : image sets in which points disagree, before a body is placed by them all the same.
+
+    Attributes
+    ----------
+    group : whom most cameras have seen when several were looked at last, whether the body suits or not; None: nobody.
     """
 
     def __init__(
@@ -61,6 +65,7 @@ class PointStart:
     def reset(self) -> None:
         """Nothing has been looked for."""
         self._waited = 0
+        self.group: PersonGroup | None = None
 
     def find(self, people: PeopleSeen, near: np.ndarray | None = None) -> State | None:
         """The state of the person nearest to a place, of those whom the body suits.
@@ -75,7 +80,7 @@ class PointStart:
         None where nobody is seen, or nobody suits the body; for some image sets where the points of who does disagree,
         or one camera alone sees anybody and is unsure, or one of several.
         """
-        patient = self._waited < self._patience_sets
+        self.group, patient = None, self._waited < self._patience_sets
         if sum(map(bool, people)) != 1:
             candidates = self.candidates(people, near)
         else:
@@ -105,6 +110,7 @@ class PointStart:
         if len(self._rig) == 1:
             return self._alone(people, near, _SURE_ALONE)
         groups = grouped(self._rig, people)[:_MOST_GROUPS]
+        self.group = groups[0] if groups else None
         tried = [self._either_way(group) for group in groups if group.count >= _LEAST_SEEN * groups[0].count]
         return self._suitable(tried, near)
 

@@ -75,7 +75,6 @@ class Joining:
     ----------
     rig : the same.
     trackers : of those who are here, by name.
-    turned_away_ns : stamp of the images that have shown somebody new last while no name was free; None: nobody has come then.
     """
 
     def __init__(
@@ -92,13 +91,13 @@ class Joining:
         self._left: dict[str, tuple[ArticulatedModel, State]] = {}  # by name, and where they were last
         self._lost_since_ns: dict[str, int] = {}
         self._looks: list[tuple[int, np.ndarray]] = []  # stamps and places of people who may be new
-        self.turned_away_ns: int | None = None
+        self._full = False  # somebody has come for whom no name was left
 
     def keep(self, other: Joining) -> None:
         """Have those who joined another, with new trackers that know nothing yet."""
         self.trackers = {name: self._make(tracker.model, None) for name, tracker in other.trackers.items()}
         self._left, self._lost_since_ns, self._looks = other._left, other._lost_since_ns, other._looks
-        self.turned_away_ns = other.turned_away_ns
+        self._full = other._full
 
     @property
     def models(self) -> dict[str, ArticulatedModel]:
@@ -128,7 +127,7 @@ class Joining:
         -------
         Whether somebody has joined.
         """
-        if sum(bool(persons) for persons in people) < 2:
+        if self._full or sum(bool(persons) for persons in people) < 2:
             return False
         self._looks = [look for look in self._looks if stamp_ns - look[0] <= _LOOKS_NS[1]]
         places = _places(grouped(self.rig, people), others)
@@ -138,7 +137,7 @@ class Joining:
             return False
         free = self._free
         if not free:
-            self.turned_away_ns = stamp_ns
+            self._full = True
             return False
         new, (before_ns, there) = known[0]
         try:
@@ -180,7 +179,7 @@ class Joining:
     def turned_away(self) -> str:
         """What is to be said where somebody has come for whom no name was left; empty where nobody has."""
         names = len(self._options.names)
-        return "" if self.turned_away_ns is None else f"somebody has come for whom no name is left: joining.most is {names}"
+        return f"somebody has come for whom no name is left: joining.most is {names}" if self._full else ""
 
     def absent(self, stamp_ns: int) -> dict[str, TrackEstimate]:
         """What is to be said of those who have not come yet (INITIALIZING), and who have left (LOST where they were last).
