@@ -1,5 +1,6 @@
 """What a robot has said, at other times than those of its readings."""
 
+import math
 import threading
 import time
 
@@ -26,6 +27,19 @@ def test_just_beyond_the_last_it_goes_on_and_far_beyond_nothing_is_said():
     states = line()
     assert states.at(110 * MS)["a"] == pytest.approx(1.1) and states.at(191 * MS) == {} and states.at(-6 * MS) == {}
     assert line(n=1).at(50 * MS) == {"a": 0.0, "b": 1.0}
+
+
+def test_a_joint_that_turns_without_end_goes_on_where_its_readings_begin_anew():
+    states = JointStates(endless=["a"])
+    for k in range(10):
+        angle = math.remainder(3.0 + 0.1 * k, math.tau)
+        states.add(k * 10 * MS, [("a", angle), ("b", angle)])
+    said = states.at(15 * MS)  # 3.15, between 3.1 and 3.2 - 2 pi
+    assert said["a"] == pytest.approx(3.15) and said["b"] == pytest.approx(3.15 - math.pi)
+    states = JointStates(endless=["a"])
+    states.add(0, [("a", 3.1)])
+    states.add(10 * MS, [("a", 3.2 - math.tau)])
+    assert states.at(20 * MS)["a"] == pytest.approx(3.3 - math.tau)
 
 
 def test_a_gap_says_nothing():

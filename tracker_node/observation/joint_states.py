@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from bisect import bisect_left, insort
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
@@ -22,10 +23,11 @@ class JointStates:
     Parameters
     ----------
     most : how many readings of a joint are kept, the newest; None: all. One with a stamp far ahead does not push others out.
+    endless : names of joints that turn without end, whose readings may begin anew after a turn.
     """
 
-    def __init__(self, most: int | None = None):
-        self._most = most
+    def __init__(self, most: int | None = None, endless: Collection[str] = ()):
+        self._most, self._endless = most, frozenset(endless)
         self._lock = threading.Condition()
         self._readings: dict[str, list[_Reading]] = {}
         self._newest_ns: int | None = None
@@ -98,14 +100,14 @@ class JointStates:
         By name; without the joints of which no reading is near.
         """
         with self._lock:
-            found = ((name, _position(readings, stamp_ns)) for name, readings in self._readings.items())
+            found = ((name, _position(readings, stamp_ns, name in self._endless)) for name, readings in self._readings.items())
             return {name: position for name, position in found if position is not None}
 
 
-def _position(readings: list[_Reading], stamp_ns: int) -> float | None:
+def _position(readings: list[_Reading], stamp_ns: int, endless: bool) -> float | None:
     after = bisect_left(readings, (stamp_ns,))
     if after == len(readings):
-        return _beyond(readings, stamp_ns)
+        return _beyond(readings, stamp_ns, endless)
     (last_ns, last), before = readings[after], after - 1
     if last_ns == stamp_ns:
         return last
@@ -113,11 +115,11 @@ def _position(readings: list[_Reading], stamp_ns: int) -> float | None:
         return last if last_ns - stamp_ns <= _STEP_NS else None
     first_ns, first = readings[before]
     if last_ns - first_ns > _NEAR_NS:
-        return _beyond(readings[max(0, after - _BEFORE) : after], stamp_ns)
-    return first + (last - first) * (stamp_ns - first_ns) / (last_ns - first_ns)
+        return _beyond(readings[max(0, after - _BEFORE) : after], stamp_ns, endless)
+    return first + _moved(first, last, endless) * (stamp_ns - first_ns) / (last_ns - first_ns)
 
 
-def _beyond(readings: list[_Reading], stamp_ns: int) -> float | None:
+def _beyond(readings: list[_Reading], stamp_ns: int, endless: bool) -> float | None:
     if not readings or stamp_ns - readings[-1][0] > _NEAR_NS:
         return None
     last_ns, last = readings[-1]
@@ -125,4 +127,8 @@ def _beyond(readings: list[_Reading], stamp_ns: int) -> float | None:
     if before < 0 or last_ns - readings[before][0] > _NEAR_NS:
         return last
     first_ns, first = readings[before]
-    return last + (last - first) * (stamp_ns - last_ns) / (last_ns - first_ns)
+    return last + _moved(first, last, endless) * (stamp_ns - last_ns) / (last_ns - first_ns)
+
+
+def _moved(first: float, last: float, endless: bool) -> float:
+    return math.remainder(last - first, math.tau) if endless else last - first

@@ -11,8 +11,7 @@ from ..errors import TrackerError
 from ..loaders.bag.message_types import stamp_ns_of
 from ..model.articulated import ArticulatedModel
 from ..observation.image_set import ImageSet
-from ..observation.joint_states import JointStates
-from ..runs.joint_states import axes_of, positions_of, with_joint_states
+from ..runs.joint_states import axes_of, joint_states_of, positions_of, with_joint_states
 from .diagnostics import OK, WARN, Diagnostics, QosMismatches
 from .qos import RESULT, overridable
 
@@ -39,7 +38,7 @@ class JointStateInbox:
 
     def __init__(self, node: Node, model: ArticulatedModel, topic: str, diagnostics: Diagnostics, mismatches: QosMismatches):
         self._node, self._axes, self._diagnostics = node, axes_of(model), diagnostics
-        self._states, self._newest_ns = JointStates(_MOST), 0
+        self._states, self._newest_ns = joint_states_of(model, _MOST), 0
         self._patient, self._last_s, self._problem = True, time.monotonic(), ""
         self.received = self.refused = self.used = self.missed = 0
         mismatches.of_subscription("joint states", topic)

@@ -44,6 +44,20 @@ def axes_of(model: ArticulatedModel) -> tuple[str, ...]:
     return tuple(axis.name for axis in model.chain.axes)
 
 
+def joint_states_of(model: ArticulatedModel, most: int | None = None) -> JointStates:
+    """Where to keep what is said of a body's joints.
+
+    Parameters
+    ----------
+    model, most : the body; how many readings of a joint are kept, None: all.
+
+    Returns
+    -------
+    Nothing yet.
+    """
+    return JointStates(most, [axis.name for axis in model.chain.axes if axis.endless])
+
+
 def check_use(model: ArticulatedModel, config: TrackerConfig) -> None:
     """Whether joint states tell a tracker anything.
 
@@ -127,7 +141,7 @@ def _check_limits(path: Path, states: JointStates, model: ArticulatedModel) -> N
 
 
 def _from_csv(path: Path, model: ArticulatedModel) -> JointStates:
-    table, result = CsvTable(path, ("stamp_ns",)), JointStates()
+    table, result = CsvTable(path, ("stamp_ns",)), joint_states_of(model)
     columns = {}
     for axis in model.chain.axes:
         for name in (axis.name, f"{axis.name}_{axis.unit}"):
@@ -141,7 +155,7 @@ def _from_csv(path: Path, model: ArticulatedModel) -> JointStates:
 
 
 def _from_bag(file: JointStateFile, model: ArticulatedModel) -> JointStates:
-    result, axes = JointStates(), axes_of(model)
+    result, axes = joint_states_of(model), axes_of(model)
     with BagReader(file.path) as reader:
         topic = _topic_of(file, reader)
         for stamp_ns, message in reader.decoded(topic):

@@ -1,5 +1,6 @@
 """Prediction: constant velocity is found and continued; what is not measured dies away."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from helpers.bodies.two_links import two_links
 from tracker_node.geometry import so3
 from tracker_node.model.configuration import State
 from tracker_node.model.humans.human import human_model
-from tracker_node.model.kinematic_chain import KinematicChain
+from tracker_node.model.kinematic_chain import ENDLESS_RAD, KinematicChain
 from tracker_node.tracking.config import MotionConfig
 from tracker_node.tracking.motion.model import ExposureDelays, MotionModel
 
@@ -222,3 +223,14 @@ def test_joints_that_are_read_lead_the_prediction_of_their_set(restarted):
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance))[6:], [np.radians(0.1), 0.002], rtol=0.01)
     model.update(2 * 10**8, found.state, np.zeros((N, N)))
     assert model.predict(2 * 10**8 + 1).state.joint_positions[0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_joint_that_turns_without_end_is_read_on_the_turn_that_it_is_on():
+    axes = tuple(replace(axis, lower=-ENDLESS_RAD, upper=ENDLESS_RAD) for axis in two_links().chain.axes)
+    (joint,) = two_links().chain.joints
+    model = MotionModel(KinematicChain(("upper", "lower"), (replace(joint, axes=axes),)), MotionConfig())
+    start = moving(0.0)
+    model.update(0, State(start.T_world_root, np.array([3.1, 9.5])), 1e4 * np.eye(N))
+    model.read_joints(10**8, np.array([3.2 - math.tau, np.nan]))
+    found = model.predict(10**8).state.joint_positions
+    np.testing.assert_allclose(found, [3.2, 9.5], atol=1e-2)

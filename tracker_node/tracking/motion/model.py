@@ -7,6 +7,7 @@ variance grows; what is seen is hardly held back by it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -74,6 +75,7 @@ class MotionModel:
         self._config, self._dynamics = config, Dynamics.of(config, chain)
         slides = [axis.prismatic for axis in chain.axes]
         self._joint_sigmas = np.where(slides, config.joint_state_sigma_m, np.radians(config.joint_state_sigma_deg))
+        self._endless = np.array([axis.endless for axis in chain.axes], dtype=np.bool_)
         self.velocity = np.zeros(chain.n_dof)
         self._last: tuple[int, State] | None = None
         self._belief: Belief | None = None
@@ -122,6 +124,8 @@ class MotionModel:
         predicted = self.predict(stamp_ns)
         if predicted is not None:
             belief = predicted.belief or self._dynamics.unmoved(predicted.state, np.ones_like(self.velocity))
+            turns = np.round((belief.state.joint_positions - positions) / math.tau)  # a robot may begin anew after each
+            positions = np.where(self._endless, positions + math.tau * turns, positions)
             self._expected = stamp_ns, with_positions(belief, positions, self._joint_sigmas)
 
     def update(self, stamp_ns: int, state: State, information: np.ndarray | None = None) -> None:
