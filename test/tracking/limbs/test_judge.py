@@ -267,9 +267,10 @@ def test_a_limb_that_may_as_well_be_elsewhere_is_degraded_until_it_may_not_and_i
 
 
 @pytest.mark.parametrize(
-    ("usual", "close", "unsure"), [(0.65, 0.62, []), (0.65, 0.4, [1]), (0.65, 0.05, []), (0.85, 0.52, [])]
+    ("usual", "close", "unsure"),
+    [(0.65, 0.62, [1, 2, 3, 4]), (0.65, 0.4, [1, 2, 3, 4]), (0.65, 0.05, [2, 3, 4]), (0.85, 0.52, [])],
 )
-def test_a_limb_whose_outline_is_hard_to_find_is_unsure_between_in_place_and_lost(usual, close, unsure):
+def test_limbs_whose_outlines_are_hard_to_find_are_unsure_unless_they_are_lost(usual, close, unsure):
     judge = LimbJudge(MODEL, StatusConfig())
     assert judge.unsure == []
     told(judge, evidence(usual), 20)
@@ -546,3 +547,25 @@ def test_a_limb_of_which_one_camera_alone_sees_enough_is_degraded_unless_points_
 def test_of_a_body_before_one_camera_nothing_is_tracking():
     one = PartEvidence(*(getattr(evidence(), field.name)[:1] for field in fields(PartEvidence)))
     assert statuses(told(LimbJudge(MODEL, StatusConfig()), one)) == dict.fromkeys(NAMES, LimbStatus.DEGRADED)
+
+
+def test_a_limb_that_is_mostly_hidden_is_degraded_unless_what_is_in_view_is_found():
+    """What is left of an outline lies on another one by chance."""
+    judge, seen, clear = LimbJudge(MODEL, StatusConfig()), evidence(0.7), evidence(0.9)
+    assert not statuses(told(judge, seen, 5))
+    for each in (seen, clear):
+        forearm = judge_limb("left_forearm").shapes
+        each.expected[:, forearm] *= 0.5
+        each.close[:, forearm] *= 0.5
+    reports = told(judge, seen)
+    assert statuses(reports) == {"left_forearm": LimbStatus.DEGRADED}
+    assert reports["left_forearm"].reason == "50 % of its outline is in view"
+    assert not judge.part_weights(tuple(reports.values()))[forearm].any()  # what it lies on may be another thing
+    assert not statuses(told(judge, clear)) and not statuses(told(judge, seen, told_joints=True))
+    seen.expected[2:], seen.close[2:] = 0.0, 0.0  # by half of the cameras as much as by all
+    seen.expected[:2, forearm] *= 2.0
+    seen.close[:2, forearm] *= 2.0
+    assert not statuses(told(judge, seen))
+    judge.reset()  # another body, or another place
+    seen.expected[:, forearm] *= 0.5
+    assert not statuses(told(judge, seen, 5))

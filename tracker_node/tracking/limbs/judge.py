@@ -20,11 +20,11 @@ from ...compiled.kernels import compiled
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import State, configured
 from ...model.humans.keypoints import is_person
-from ...model.shapes.primitives import END_RADIUS, START_RADIUS
 from ...objective.lines.correspondences import PartEvidence
 from ..config import StatusConfig
 from ..estimate import LimbReport, LimbStatus, Status
 from .tree import Limb, length_scale, limbs_of, thing_size
+from .views import FLAT, LimbViews
 
 LOST_TIP_M = 0.150  # a limb of a person whose end is farther off is lost
 _LEAST_IN_CAMERA = 5  # samples of a limb's outline, for a camera to say anything of it
@@ -41,14 +41,8 @@ _KNOWN_M = LOST_TIP_M / 5.0  # standard deviation of its end: one camera alone l
 _KNOWN_OF_THING = 0.024  # the same, of the size of a smaller body that is no person, and of one without limbs...
 _LEAST_OF_THING = 0.68  # ...of whose outline at least so much is found
 _OF_GUESSES = 0.1  # weight of what images say of a limb that they seem to know well, but points and outline do not confirm
-_SURE = 0.003  # probability of lost, of a limb that need not be looked for elsewhere...
-_CLEAR = 0.75  # ...nor one of whose outline so much is found, where it is in place
+_CLEAR = 0.75  # of the outline of a limb in place is found, of one that need not be looked for elsewhere
 _START = 0.3  # probability of lost that a limb starts with
-_SECOND_VIEW = 0.3  # of its samples in the camera that sees most of a limb, which another one has where its depth is known...
-_LEAST_IN_SECOND = 5  # ...and at least so many
-_FLAT_SETS = 2  # in a row without another one, from which on what two have seen before tells its depth no more
-_FLAT = "one camera alone sees its outline"
-_LEAST_WIDTH_PX = 2.5  # of a limb that outlines tell from others; of narrower ones of a drawn figure 3 % were wrong and TRACKING
 
 MEASURES = ("close share, mean", "close share, median camera", "log-likelihood ratio, mean", "close share, worst part")
 # Log odds of lost: the constant, and what each measure adds, in shares of its level while all is well
@@ -181,7 +175,7 @@ class LimbJudge:
     def __init__(self, model: ArticulatedModel, config: StatusConfig):
         self._model, self._config = model, config
         self.limbs: tuple[Limb, ...] = limbs_of(model)
-        self._known_m = known_m(model)
+        self._known_m, self._views = known_m(model), LimbViews(model, self.limbs)
         self._sigmas_of: tuple[Any, Any, np.ndarray] = None, None, np.zeros(0)  # of which state and covariance, the last ones
         self.reset()
 
@@ -191,6 +185,7 @@ class LimbJudge:
         self._set_aside: np.ndarray | None = None  # those of sets in which silhouettes help to find outlines, or do not
         self._helped: bool | None = None
         self.shares = np.full((len(self.limbs), len(MEASURES)), np.nan)
+        self._views.reset()
         self.restart()
 
     def restart(self) -> None:
@@ -200,7 +195,7 @@ class LimbJudge:
         self._confirmed = np.ones(len(self.limbs), dtype=np.bool_)
         self._guessed = np.zeros(len(self.limbs), dtype=np.bool_)
         self.rivals = np.zeros(len(self.limbs), dtype=np.bool_)
-        self._flat_sets = np.full(len(self.limbs), _FLAT_SETS)  # image sets in a row in which one camera alone saw each
+        self._views.restart()
 
     @property
     def by_probability(self) -> list[tuple[Limb, float]]:
@@ -255,13 +250,14 @@ class LimbJudge:
             self._levels = self._first_levels(measures)
         sigmas = np.zeros(len(self.limbs)) if covariance is None else self.tip_sigmas(state, covariance)
         doubts = [self._deep(depth_m)] * len(self.limbs)
-        flat = self._seen_by_one(evidence) if others is None and not told_joints else np.zeros(len(self.limbs), dtype=np.bool_)
-        self._flat_sets = np.where(flat, self._flat_sets + 1, 0)
         if others is None:
-            by_outlines = map(_doubt, (px_per_m * self._widths_m).tolist(), self._flat_sets.tolist())
-            doubts = [deep or doubt for deep, doubt in zip(doubts, by_outlines, strict=True)]
+            found = np.array([np.nan if each is None else each[0] for each in measures])
+            by_views = self._views.doubts(evidence, found, px_per_m, told_joints)
+            doubts = [deep or doubt for deep, doubt in zip(doubts, by_views, strict=True)]
             others = np.full(len(self.limbs), np.nan)
             others[0] = self._trunk_by_limbs(measures)
+        else:
+            self._views.told()
         beside = self._config.evidence_limit if own_surfaces else _BESIDE
         empty = [_share_of(evidence.empty, evidence.expected, limb.shapes) for limb in self.limbs]
         told = [share >= _LEAST_EMPTY and (common is None or not common[i]) for i, share in enumerate(empty)]
@@ -365,18 +361,6 @@ class LimbJudge:
         """Why limbs that are where their outlines are may be elsewhere along the rays; "" if there is no reason."""
         return f"its depth is known to {1e3 * depth_m:.0f} mm" if depth_m > self._known_m else ""
 
-    def _seen_by_one(self, evidence: PartEvidence) -> np.ndarray:
-        """(n_limbs,) mask of limbs of which one camera alone sees enough: bent towards it, they look as bent away from it.
-
-        The trunk is where the whole body is.
-        """
-        if len(self.limbs) == 1:  # the poses of things that look alike are found one by one
-            return np.zeros(1, dtype=np.bool_)
-        samples = self._masks @ evidence.expected.T
-        samples[0] = evidence.expected.sum(axis=1)
-        samples = np.sort(np.hstack([np.zeros((len(samples), 1)), samples]), axis=1)
-        return samples[:, -2] < np.maximum(_LEAST_IN_SECOND, _SECOND_VIEW * samples[:, -1])
-
     def _status(self, probability: float) -> LimbStatus:
         if probability >= self._config.limb_lost:
             return LimbStatus.LOST
@@ -399,10 +383,13 @@ class LimbJudge:
 
     @property
     def unsure(self) -> list[int]:
-        """Limbs in place of which that is not quite sure, as outlines are hard to find, and those with a rival."""
+        """Limbs in place that may as well be elsewhere, as outlines are hard to find, and those with a rival.
+
+        However likely they seem to be in place: what lies on another outline has been found as well in set after set.
+        """
         if self._levels is None:
             return []
-        odd = (self.probabilities > _SURE) & (self.probabilities < self._config.limb_lost) & (self._levels[:, 0] < _CLEAR)
+        odd = (self.probabilities < self._config.limb_lost) & (self._levels[:, 0] < _CLEAR)
         return [i for i in np.flatnonzero(odd | self.rivals).tolist() if i]
 
     def tip_sigmas(self, state: State, covariance: np.ndarray) -> np.ndarray:
@@ -457,24 +444,11 @@ class LimbJudge:
         """How far off the end of a limb that is lost is, meters."""
         return LOST_TIP_M * (min(length_scale(self._model), 1.0) if len(self.limbs) > 1 else 1.0)
 
-    @cached_property
-    def _masks(self) -> np.ndarray:
-        """(n_limbs, n_shapes) 1 for the shapes of each limb."""
-        return np.array([limb.shapes for limb in self.limbs], dtype=np.float64)
-
-    @cached_property
-    def _widths_m(self) -> np.ndarray:
-        """(n_limbs,) meters, of the shape in the middle; infinite where nothing is to be told from others."""
-        if len(self.limbs) == 1:
-            return np.array([np.inf])
-        radii = np.array([rows[:, [START_RADIUS, END_RADIUS]].max(initial=0.0) for rows in self._model.capsules])
-        return np.array([2.0 * np.median(radii[limb.shapes]) if limb.shapes.any() else np.inf for limb in self.limbs])
-
     def part_weights(self, reports: Sequence[LimbReport]) -> np.ndarray:
         """(n_shapes,) 1 for the parts of limbs that are TRACKING, or in place where one camera alone sees them; 0 for others."""
         result = np.ones(len(self._model.shapes))
         for limb, report in zip(self.limbs, reports, strict=True):
-            if report.status is not LimbStatus.TRACKING and report.reason != _FLAT:  # without its colors it is lost next
+            if report.status is not LimbStatus.TRACKING and report.reason != FLAT:  # without its colors it is lost next
                 result[limb.shapes] = 0.0
         return result
 
@@ -491,13 +465,6 @@ class LimbJudge:
             if guessed:
                 result[limb.dofs] = np.minimum(result[limb.dofs], _OF_GUESSES)
         return result
-
-
-def _doubt(width_px: float, flat_sets: int) -> str:
-    """Why a limb that is where its outline is may be elsewhere all the same; "" if there is no reason."""
-    if width_px < _LEAST_WIDTH_PX:
-        return f"it is {width_px:.1f} pixels wide"
-    return _FLAT if flat_sets >= _FLAT_SETS else ""
 
 
 def _beyond(distance: float, sigma: float) -> float:
