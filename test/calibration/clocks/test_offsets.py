@@ -116,6 +116,33 @@ def test_drift_is_found_and_goes_into_the_rig():
     assert all(c.drift == 0.0 and c.drift_sigma == 0.0 for c in without.cameras.values())
 
 
+def test_what_one_camera_alone_sees_widens_the_sigma():
+    """Of people seen from several sides every camera has motion of its own; noise of images passes, and costs nothing more."""
+    def sigma(own):
+        films = []
+        for which in range(3):
+            film = noise_profiles(0.0, 0.0, seconds=8.0, which=which)
+            rng = np.random.default_rng(50 + which)
+            frequencies, phases = rng.uniform(0.1, 2.0, (40, 5)), rng.uniform(0.0, 6.3, (40, 5))
+            alone = own * np.sin(2.0 * np.pi * frequencies * film.times_s[:, None, None] + phases).sum(axis=2)
+            films.append(replace(film, profiles={name: values + alone for name, values in film.profiles.items()}))
+        return estimate_clocks(films).cameras["b"].offset_sigma_s
+
+    assert sigma(0.0) < 0.003 < 0.006 < sigma(1.5) < 0.05
+
+
+def test_motion_that_repeats_itself_is_refused_unless_the_clock_is_known_better():
+    films = []
+    for which in range(3):
+        film = noise_profiles(0.0, 0.0, seconds=8.0, which=which)
+        steps = np.sin(2.0 * np.pi * film.times_s[:, None] / 0.8 + np.linspace(0.0, 6.0, 40))
+        noise = 0.2 * np.random.default_rng(which).standard_normal(steps.shape)
+        films.append(replace(film, profiles=dict.fromkeys(film.profiles, steps + noise)))
+    with pytest.raises(CalibrationError, match=r"repeats itself.*max-offset"):
+        estimate_clocks(films)
+    assert estimate_clocks(films, ClockOptions(max_offset_s=0.3)).cameras["b"].offset_s == pytest.approx(0.0, abs=0.003)
+
+
 def test_errors_are_as_large_as_the_covariance_says():
     """Mean of squared errors over their variance, 24 recordings: 1 where sigmas are right."""
     ratios = []

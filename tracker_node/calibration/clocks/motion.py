@@ -35,6 +35,7 @@ _LEAST_BASELINE_M = 1e-3
 LEAST_CORRELATION = 0.15  # of a pair that is used
 _LEAST_OVERLAP = 0.4  # of the shorter recording
 _LEAST_OVERLAP_S = 0.5
+_LASTING = 8  # steps, four image periods or more: beyond what smoothing makes of noise
 _BLOCK_S = 0.4  # motion is taken to be independent from one block to the next
 _ITERATIONS = 30
 MOST_AT_ONCE = 4  # recordings that are read side by side
@@ -265,13 +266,17 @@ class Lag:
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Lag of camera ``j`` behind ``i``: what i shows at t, j shows at t + lag[0] + lag[1] * (t - middle)."""
+    """Lag of camera ``j`` behind ``i``: what i shows at t, j shows at t + lag[0] + lag[1] * (t - middle).
+
+    ``unlike`` is the share of the motion that only one of both sees, and that lasts: no noise of images.
+    """
 
     i: int
     j: int
     lag: np.ndarray
     covariance: np.ndarray
     correlation: float
+    unlike: float = 0.0
 
 
 def pairs_that_agree(cameras: Sequence[T], lag_of: Callable[[T, T], Lag | None]) -> tuple[list[Pair], list[float]]:
@@ -397,4 +402,5 @@ def refined(i: int, j: int, signals: Sequence[Signals], lag_s: float, middle_s: 
     sums = np.array([np.bincount(blocks, weights=column) for column in pull.T])
     spread = sums @ sums.T * (sums.shape[1] / max(sums.shape[1] - len(lag), 1))
     inverse = np.linalg.inv(normal)
-    return Pair(i, j, lag, inverse @ spread @ inverse, correlation)
+    lasting = np.sum(rest[:-_LASTING] * rest[_LASTING:]) / max(float(np.sum(rest * rest)), 1e-300)
+    return Pair(i, j, lag, inverse @ spread @ inverse, correlation, (1.0 - correlation**2) * max(float(lasting), 0.0))
