@@ -11,7 +11,7 @@ from ..errors import TrackerError
 from ..loaders.bag.message_types import stamp_ns_of
 from ..model.articulated import ArticulatedModel
 from ..observation.image_set import ImageSet
-from ..runs.joint_states import axes_of, joint_states_of, positions_of, with_joint_states
+from ..runs.joint_states import axes_of, check_positions, joint_states_of, positions_of, with_joint_states
 from .diagnostics import OK, WARN, Diagnostics, QosMismatches
 from .qos import RESULT, overridable
 
@@ -19,7 +19,9 @@ PART = "joint_states"  # of /diagnostics
 _MOST = 5000  # readings of a joint that are kept: of five seconds, of a fast robot
 _BACK_NS = 5_000_000_000  # by which an image set is before the last one, where stamps have gone back
 _PATIENCE_S = 1.0  # robots say where they are a hundred times a second
+_NEAR_NS = 1_000_000_000  # between what a robot says and the newest images, where both have one clock
 _SILENT_S = 2.0
+_UNUSED_SETS = 10  # in a row, while messages come
 
 
 class JointStateInbox:
@@ -37,9 +39,10 @@ class JointStateInbox:
     """
 
     def __init__(self, node: Node, model: ArticulatedModel, topic: str, diagnostics: Diagnostics, mismatches: QosMismatches):
-        self._node, self._axes, self._diagnostics = node, axes_of(model), diagnostics
+        self._node, self._model, self._axes, self._diagnostics = node, model, axes_of(model), diagnostics
         self._states, self._newest_ns = joint_states_of(model, _MOST), 0
         self._patient, self._last_s, self._problem = True, time.monotonic(), ""
+        self._said_ns, self._in_a_row = 0, 0  # stamp of the last message, and image sets since one was used
         self.received = self.refused = self.used = self.missed = 0
         mismatches.of_subscription("joint states", topic)
         self._subscription = node.create_subscription(JointState, topic, self._take, **overridable(RESULT))
@@ -56,14 +59,17 @@ class JointStateInbox:
     def _take(self, message: JointState) -> None:
         self.received += 1
         try:
-            self._states.add(stamp_ns_of(message.header.stamp), positions_of(message, self._axes))
+            positions = positions_of(message, self._axes)
+            check_positions(positions, self._model)
+            self._states.add(stamp_ns_of(message.header.stamp), positions)
         except TrackerError as error:
             self.refused += 1
             if not self._problem:
                 self._node.get_logger().warning(f"{self.topic}: {error}")
             self._problem = str(error)
             return
-        self._problem, self._last_s, self._patient = "", time.monotonic(), True
+        self._problem, self._last_s, self._said_ns = "", time.monotonic(), stamp_ns_of(message.header.stamp)
+        self._patient = self._patient or abs(self._said_ns - self._newest_ns) < _NEAR_NS  # on another clock nothing ever fits
 
     def attached(self, image_set: ImageSet, waits: bool) -> ImageSet:
         """An image set beside what the robot says at its time.
@@ -84,6 +90,7 @@ class JointStateInbox:
             self._patient = self._states.wait_beyond(image_set.stamp_ns, _PATIENCE_S)
         image_set = with_joint_states(self._states, image_set)
         self.used, self.missed = self.used + bool(image_set.joint_positions), self.missed + (not image_set.joint_positions)
+        self._in_a_row = 0 if image_set.joint_positions else self._in_a_row + 1
         return image_set
 
     def report(self) -> None:
@@ -93,5 +100,8 @@ class JointStateInbox:
             level, said = WARN, self._problem
         elif time.monotonic() - self._last_s > _SILENT_S:
             level, said = WARN, f"nothing comes on {self.topic}"
+        elif self._in_a_row >= _UNUSED_SETS:
+            stamps = f"they are stamped {1e-9 * self._said_ns:.3f} s, images {1e-9 * self._newest_ns:.3f} s"
+            level, said = WARN, f"none at the time of the last {self._in_a_row} image sets: {stamps}; are both of one clock?"
         counts = {"received": self.received, "refused": self.refused, "used": self.used, "without": self.missed}
         self._diagnostics.report(PART, level, said, counts)

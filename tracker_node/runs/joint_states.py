@@ -15,6 +15,7 @@ from ..loaders.bag.reader import BagReader
 from ..loaders.csv_file import CsvTable
 from ..model.articulated import ArticulatedModel
 from ..model.configuration import State
+from ..model.kinematic_chain import Axis
 from ..observation.image_set import ImageSet
 from ..observation.joint_states import JointStates
 from ..tracking.config import GEOMETRIC, TrackerConfig
@@ -102,6 +103,23 @@ def positions_of(message: Any, axes: Collection[str]) -> list[tuple[str, float]]
     return finite
 
 
+def check_positions(positions: Iterable[tuple[str, float]], model: ArticulatedModel) -> None:
+    """Whether a robot can be where a message says that it is.
+
+    Parameters
+    ----------
+    positions, model : of `positions_of`; the body whose joints they are of.
+
+    Raises
+    ------
+    TrackerError : a joint is far beyond its limits, as in degrees.
+    """
+    axes = {axis.name: axis for axis in model.chain.axes}
+    for name, position in positions:
+        if contradiction := _contradiction(axes[name], np.array([position])):
+            raise TrackerError(f"joint states: {name}: expected {contradiction[0]}, got {contradiction[1]}")
+
+
 def load_joint_states(file: JointStateFile, model: ArticulatedModel) -> JointStates:
     """Read all joint states of a file.
 
@@ -132,12 +150,19 @@ def load_joint_states(file: JointStateFile, model: ArticulatedModel) -> JointSta
 def _check_limits(path: Path, states: JointStates, model: ArticulatedModel) -> None:
     """Positions most of which are far beyond a joint's limits are of another unit."""
     for axis in model.chain.axes:
-        positions = states.positions(axis.name)
-        margin = _BEYOND * (axis.upper - axis.lower)
-        if len(positions) and np.mean((positions < axis.lower - margin) | (positions > axis.upper + margin)) > 0.5:
-            expected = f"{axis.unit} between the joint's limits, {axis.lower:.3g} and {axis.upper:.3g}"
-            got = f"{positions.min():.3g} to {positions.max():.3g}" + (": degrees?" if axis.unit == "rad" else ": millimeters?")
-            raise FileFormatError(path, axis.name, expected, got)
+        if contradiction := _contradiction(axis, states.positions(axis.name)):
+            raise FileFormatError(path, axis.name, *contradiction)
+
+
+def _contradiction(axis: Axis, positions: np.ndarray) -> tuple[str, str] | None:
+    """What was expected and what came, where most positions are far beyond the joint's limits."""
+    margin = _BEYOND * (axis.upper - axis.lower)
+    if not len(positions) or np.mean((positions < axis.lower - margin) | (positions > axis.upper + margin)) <= 0.5:
+        return None
+    low, high = positions.min(), positions.max()
+    got = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+    unit = "degrees?" if axis.unit == "rad" else "millimeters?"
+    return f"{axis.unit} between the joint's limits, {axis.lower:.3g} and {axis.upper:.3g}", f"{got}: {unit}"
 
 
 def _from_csv(path: Path, model: ArticulatedModel) -> JointStates:

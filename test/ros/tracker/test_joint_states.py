@@ -115,3 +115,26 @@ def test_what_cannot_be_used_is_refused_and_said(bench):
     bench.say(PERIOD_NS)
     assert bench.track(1) == {"elbow_flexion": 0.5}
     bench.probe.spin_until(lambda: bench.said.level == DiagnosticStatus.OK, "the end of it")
+
+
+def test_positions_in_degrees_are_refused_as_those_of_a_file_are(bench):
+    bench.say(0, positions=(80.0, 0.0))
+    assert bench.track(0) == {} and bench.inbox.refused == 1
+    bench.probe.spin_until(lambda: "got 80: degrees?" in bench.said.message, "a warning")
+    assert "elbow_flexion: expected rad between the joint's limits" in bench.said.message
+    assert bench.said.level == DiagnosticStatus.WARN
+
+
+def test_stamps_of_another_clock_are_told_and_not_waited_for_again_and_again(bench, monkeypatch):
+    monkeypatch.setattr(joint_states, "_UNUSED_SETS", 3)
+    monkeypatch.setattr(joint_states, "_PATIENCE_S", 0.2)
+    began = 3000  # image sets: 100 s
+    bench.say(0)
+    for i in range(4):
+        assert bench.track(began + i) == {}
+        bench.say(i * PERIOD_NS)
+    assert not bench.inbox._patient
+    bench.probe.spin_until(lambda: "none at the time of the last" in bench.said.message, "a warning")
+    assert bench.said.level == DiagnosticStatus.WARN and "are both of one clock?" in bench.said.message
+    bench.say((began + 4) * PERIOD_NS)
+    assert bench.track(began + 4) == {"elbow_flexion": 0.5} and bench.inbox._patient
