@@ -84,3 +84,19 @@ def test_two_rooms_are_not_brought_together():
     pairs = [Pair(0, 1, np.array([1.0]), np.array([[1e-6]]), 0.9), Pair(2, 3, np.array([0.5]), np.array([[1e-6]]), 0.9)]
     with pytest.raises(CalibrationError, match="agrees with that of no camera of a, b"):
         clocks_of_pairs(pairs, ["a", "b", "c", "d"], [0.0] * 4, 0.0, what="sound")
+
+
+def test_tracks_that_have_nothing_in_common_agree_nowhere():
+    """Noise has onsets everywhere."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        tracks = [Heard(name, RATE_HZ, 0.0, (0.01 * rng.normal(size=8 * RATE_HZ)).astype(np.float32)) for name in "ab"]
+        pairs, _ = sound_lags(tracks, 2.0)
+        assert all(pair.correlation < 0.5 for pair in pairs)
+
+
+def test_claps_of_other_times_are_refused():
+    tracks = [heard("a", 0.0, claps=(1.0, 2.3, 4.4)), heard("b", 0.0, claps=(0.7, 3.2, 5.1)), heard("c", 0.0, claps=(1.7, 2.1, 3.9))]
+    pairs, runners_up = sound_lags(tracks, 2.0)
+    with pytest.raises(CalibrationError, match="its sound agrees with|repeats itself"):
+        clocks_of_pairs(pairs, ["a", "b", "c"], runners_up, 3.0, what="sound")

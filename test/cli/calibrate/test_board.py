@@ -133,6 +133,9 @@ def test_bad_recordings_are_named(folders, tmp_path, capsys):
     assert "left.mp4" in said("--videos", text, right)
     assert "no such file" in said("--videos", tmp_path / "nothing.mp4", right)
     assert "two recordings for camera 'left'" in said("--videos", left, left)
+    copied = tmp_path / "copied.mp4"
+    copied.write_bytes(text.read_bytes())
+    assert "got the same for left and copied" in said("--videos", text, copied)
     times = tmp_path / "times.csv"
     times.write_text("camera,time\n" + "".join(f"{name},{i / 10}\n" for name in ("left", "right") for i in range(11)))
     assert "has 11 times for camera 'left'" in said("--videos", left, right, "--stamps", times)

@@ -164,10 +164,6 @@ def estimate_clocks(motions: Sequence[MotionProfiles], options: ClockOptions | N
     tables = correlations(signals, options.max_offset_s)
     near = max(_NEAR_S, _NEAR_PERIODS * longest_s) / signals[0].step_s
     start, runners_up = _consistent_lags(tables, motions, near)
-    if max(runners_up) > _REPEATED:
-        problem = f"its motion repeats itself: another offset agrees as well ({max(runners_up):.2f} of this one)"
-        remedy = "a smaller --max-offset, if its clock is nearer, or another way: a clap (--by sound), flashes, timecode"
-        raise CalibrationError(motions[int(np.argmax(runners_up))].camera, f"{problem}; {remedy}")
     pairs, unlike_s2 = [], (_UNLIKE_PERIODS * longest_s) ** 2 * min(_LEARNED_S / max(shared_s, 1e-9), 1.0)
     for (i, j), table in tables.items():
         lag_s = signals[i].step_s * (start[j] - start[i])
@@ -252,6 +248,10 @@ def clocks_of_pairs(
             where = "below the image period" if what == "motion" else "within the largest offset that is searched"
             raise CalibrationError(name, f"its {what} agrees with no other camera's {where}")
     _check_connected(pairs, names, what)
+    if (again := max(runners_up)) > _REPEATED:
+        problem = f"its {what} repeats itself: another offset agrees {again:.2f} times as well; try a smaller --max-offset,"
+        remedy = "if its clock is nearer, or another way: a clap (--by sound), flashes at uneven times, timecode"
+        raise CalibrationError(names[runners_up.index(again)], f"{problem} {remedy}")
     held = np.zeros((n, width), dtype=bool)
     for _ in range(2):
         values, covariance, misfit = _network(pairs, n, width, held)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import filecmp
+import itertools
 import re
 import sys
 from collections.abc import Mapping
@@ -135,6 +137,24 @@ def recordings_of(args: argparse.Namespace) -> dict[str, str]:
             raise TrackerError(f"two recordings for camera '{name}'; name them: --videos left={path} right=...")
         paths[name] = path
     return paths
+
+
+def check_different(recordings: Mapping[str, str]) -> None:
+    """Refuse one video under two names: its two cameras would stand in one place, and agree with each other.
+
+    Parameters
+    ----------
+    recordings : path by camera name.
+
+    Raises
+    ------
+    TrackerError : two files hold the same.
+    """
+    files = {name: Path(path) for name, path in recordings.items() if Path(path).is_file()}
+    for (a, first), (b, second) in itertools.combinations(files.items(), 2):
+        if first.stat().st_size == second.stat().st_size and filecmp.cmp(first, second, shallow=False):
+            expected = "--videos: expected a recording of its own for each camera"
+            raise TrackerError(f"{expected}, got the same for {a} and {b}: {first} and {second}")
 
 
 def detect(

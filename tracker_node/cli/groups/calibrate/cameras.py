@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 from ....errors import FileFormatError
-from ...arguments.board import add_board_arguments, board_of, detect, recordings_of, sources_of
+from ...arguments.board import add_board_arguments, board_of, check_different, detect, recordings_of, sources_of
 from ...arguments.cameras import add_pixel_map_argument, add_sources_argument, size_option, sources_of_cameras
 from ...arguments.run_images import refuse_to_overwrite
 from ...arguments.verbs import Subverb
@@ -59,6 +60,7 @@ def _run_rig(args: argparse.Namespace) -> int:
     refuse_to_overwrite(args, args.output, page, metrics_file)
     board = board_of(args)
     check_for_rig(board)
+    check_different(recordings_of(args))
     begun_s = _by_sound(args) if args.clocks == "sound" else {}
     sources = sources_of(args, args.stamps, begun_s)
     tracked_later = sources_of_cameras(args.sources, list(sources), print)
@@ -92,9 +94,10 @@ def _run_rig(args: argparse.Namespace) -> int:
         for note in coverage_notes(corners, {name: camera.image_size for name, camera in seen.items()}):
             print(f"note: {note}")
     if not found.adjustment.converged:
-        print(f"note: not converged after {found.adjustment.iterations} iterations; see whether the metrics are good enough")
+        problem = f"warning: not converged after {found.adjustment.iterations} iterations: do not use {args.output} unseen;"
+        print(f"{problem} videos that were begun one after another need --clocks sound, or stamps", file=sys.stderr)
     print(f"wrote {args.output}, {page}, {metrics_file} and {', '.join(map(str, files))}")
-    return 1 if left_out else 0
+    return 1 if left_out or not found.adjustment.converged else 0
 
 
 def _of_their_sizes(sources, tracked_later):
