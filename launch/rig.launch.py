@@ -54,6 +54,7 @@ def generate_launch_description() -> LaunchDescription:
         package="tracker_node",
         executable="recorder",
         name="recorder",
+        namespace=LaunchConfiguration("namespace"),
         arguments=[
             *("--output", LaunchConfiguration("bag"), "--images", LaunchConfiguration("record_images")),
             *("--split-mb", LaunchConfiguration("split_mb"), "--compression", LaunchConfiguration("compression")),

@@ -8,7 +8,7 @@ import pytest
 
 from tracker_node.camera.rig import CaptureSettings
 from tracker_node.errors import SourceError
-from tracker_node.loaders.decoding import Preparation, decode_jpeg, jpeg_size
+from tracker_node.loaders.decoding import Preparation, decode_jpeg, decoded_message, jpeg_size
 from tracker_node.loaders.images.source import SourceOptions, open_source
 
 WIDTH, HEIGHT = 64, 48
@@ -154,3 +154,23 @@ def test_a_file_that_is_not_what_its_name_says(tmp_path: Path, name: str):
         target.write_bytes(b"\0" * 5000)
     with pytest.raises(SourceError, match=r"cannot be|can be read"):
         open_source(target, SourceOptions())
+
+
+def test_compressed_mosaics_have_their_colors_and_images_lie_as_in_the_file():
+    colors = np.full((8, 8, 3), (200, 30, 90), np.uint8)
+    mosaic = np.empty((8, 8), np.uint8)  # rggb, of BGR colors
+    mosaic[0::2, 0::2], mosaic[1::2, 1::2] = colors[0::2, 0::2, 2], colors[1::2, 1::2, 0]
+    mosaic[0::2, 1::2], mosaic[1::2, 0::2] = colors[0::2, 1::2, 1], colors[1::2, 0::2, 1]
+    png = cv2.imencode(".png", mosaic)[1].tobytes()
+    found = decoded_message(png, "bayer_rggb8; png compressed ")
+    np.testing.assert_array_equal(found[2:6, 2:6], colors[2:6, 2:6])
+    np.testing.assert_array_equal(decoded_message(png, "mono8; png compressed "), np.repeat(mosaic[..., None], 3, axis=2))
+    already = cv2.imencode(".png", colors)[1].tobytes()
+    np.testing.assert_array_equal(decoded_message(already, "bayer_rggb8; png compressed bgr8"), colors)
+    assert decoded_message(b"nonsense", "jpeg") is None
+    wide = np.random.default_rng(0).integers(0, 255, (16, 32, 3), np.uint8)
+    jpeg = cv2.imencode(".jpg", wide)[1].tobytes()
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"  # orientation 6: held on its side
+    held = jpeg[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + jpeg[2:]
+    assert cv2.imdecode(np.frombuffer(held, np.uint8), cv2.IMREAD_COLOR).shape == (32, 16, 3)
+    np.testing.assert_array_equal(decoded_message(held, "jpeg"), decode_jpeg(jpeg))

@@ -173,6 +173,25 @@ def decoded(data: bytes | array.array | np.ndarray, flags: int = cv2.IMREAD_COLO
         return None
 
 
+def decoded_message(data: bytes | array.array | np.ndarray, form: str) -> np.ndarray | None:
+    """Pixels of a sensor_msgs/CompressedImage.
+
+    Parameters
+    ----------
+    data, form : of the message; its ``format`` begins with the encoding of the camera's own images, which may be a mosaic. It is
+        still one where what was compressed has no colors.
+
+    Returns
+    -------
+    (h, w, 3) BGR, as it lies in the file: calibrations know nothing of how somebody held a camera; None for a damaged image.
+    """
+    pixels = decoded(data, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None or pixels.ndim == 3:
+        return pixels
+    kind, _, pattern = form.partition(";")[0].strip().rstrip("0123456789").partition("_")
+    return cv2.cvtColor(pixels, _FROM_BAYER.get(pattern, cv2.COLOR_GRAY2BGR) if kind == "bayer" else cv2.COLOR_GRAY2BGR)
+
+
 def decode_jpeg(data: bytes, size: tuple[int, int] | None = None) -> np.ndarray:
     """Pixels of a JPEG.
 

@@ -52,6 +52,17 @@ def test_uncalibrated_is_refused():
         lens_of("left", CameraInfo(width=640, height=480))
 
 
+def test_coefficients_of_prisms_and_tilts_that_are_zero_are_none():
+    eight = [0.1, -0.2, 0.001, 0.002, 0.03, 0.04, 0.05, 0.06]
+    message = camera_info_message(0, "f", CameraModel(640, 480, K, "rational_polynomial", np.array(eight)))
+    for n in (12, 14):
+        message.d = [*eight, *[0.0] * (n - 8)]
+        assert lens_of("left", message).distortion.tolist() == eight
+        message.d = [*eight, *[0.0] * (n - 9), 1e-3]
+        with pytest.raises(CalibrationError, match=f"rational_polynomial' with {n}"):
+            lens_of("left", message)
+
+
 def test_unknown_distortion_is_refused_with_the_known_ones():
     message = camera_info_message(0, "f", CameraModel(640, 480, K))
     message.distortion_model, message.d = "thin_prism", [1.0]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import SourceError, shown
 from ...observation.image_set import CameraImage
-from ..decoding import bayer_pattern, decoded, pixels_of
+from ..decoding import bayer_pattern, decoded_message, pixels_of
 from .message_types import stamp_ns_of
 from .reader import BagMessage, BagReader
 
@@ -65,7 +65,7 @@ def image_of(reader: BagReader, message: BagMessage, camera: str) -> CameraImage
     content = reader.decode(message)
     stamp_ns = stamp_ns_of(content.header.stamp)
     if message.type_name == COMPRESSED:
-        pixels = decoded(content.data)
+        pixels = decoded_message(content.data, content.format)
         if pixels is None:
             raise SourceError(camera, f"compressed image at {stamp_ns} ns cannot be decoded (format {shown(content.format)})")
         return CameraImage(camera, stamp_ns, pixels, "bgr8")

@@ -10,7 +10,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from ...camera.model import CameraModel
 from ...errors import SourceError, shown
 from ...loaders.bag.message_types import NS_PER_S
-from ...loaders.decoding import bayer_pattern, decoded, pixels_of
+from ...loaders.decoding import bayer_pattern, decoded_message, pixels_of
 from ...observation.image_set import ENCODINGS, CameraImage
 from ...runs import messages
 from .messages import fill, message_of
@@ -206,7 +206,7 @@ def bgr_of_compressed(camera: str, message: CompressedImage) -> CameraImage:
     ------
     SourceError : naming the camera, when it cannot be decoded.
     """
-    bgr = decoded(message.data)
+    bgr = decoded_message(message.data, message.format)
     if bgr is None:
         raise SourceError(camera, f"cannot decode a compressed image of format {shown(message.format)}")
     return CameraImage(camera, _stamp_ns(camera, message.header.stamp.sec, message.header.stamp.nanosec), bgr)
