@@ -249,9 +249,9 @@ def clocks_of_pairs(
             raise CalibrationError(name, f"its {what} agrees with no other camera's {where}")
     _check_connected(pairs, names, what)
     if (again := max(runners_up)) > _REPEATED:
-        problem = f"its {what} repeats itself: another offset agrees {again:.2f} times as well; try a smaller --max-offset,"
-        remedy = "if its clock is nearer, or another way: a clap (--by sound), flashes at uneven times, timecode"
-        raise CalibrationError(names[runners_up.index(again)], f"{problem} {remedy}")
+        problem = f"its {what} repeats itself: another offset agrees {again:.2f} times as well"
+        remedy = "go by what does not (claps, flashes at uneven times), or search less far (synchronize --max-offset)"
+        raise CalibrationError(names[runners_up.index(again)], f"{problem}; {remedy}")
     held = np.zeros((n, width), dtype=bool)
     for _ in range(2):
         values, covariance, misfit = _network(pairs, n, width, held)

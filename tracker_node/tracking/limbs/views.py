@@ -72,8 +72,9 @@ class LimbViews:
         there = (self._masks @ evidence.expected.T).sum(axis=1) / seeing
         self._most = np.maximum(self._most, there)
         in_view = np.where(found < _CLEAR, there / np.maximum(self._most, 1.0), 1.0)
-        rows = zip(px_per_m * self._widths_m, self._flat_sets.tolist(), in_view.tolist(), strict=True)
-        return [_doubt(*row) if i else _doubt(*row[:2], 1.0) for i, row in enumerate(rows)]
+        in_view[0] = 1.0  # the trunk is where the limbs are
+        rows = zip((px_per_m * self._widths_m).tolist(), self._flat_sets.tolist(), in_view.tolist(), strict=True)
+        return [_doubt(*row) for row in rows]
 
     def _seen_by_one(self, evidence: PartEvidence) -> np.ndarray:
         """(n_limbs,) mask of limbs of which one camera alone sees enough: bent towards it, they look as bent away from it.
