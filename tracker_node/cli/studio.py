@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         option = f"--{given[0].replace('_', '-')}"
         raise FileFormatError("command line", option, "none beside --new, whose folder has it", given[0])
     if args.new is not None and not args.new.is_dir():
-        raise FileFormatError("command line", "--new", "a folder with videos", args.new)
+        raise FileFormatError("command line", "--new", "a folder with videos", str(args.new))
     named = {name: getattr(args, name) for name in StudioFiles.__dataclass_fields__}
     session = open_session(StudioFiles(**named))
     for problem in session.images.problems if session.images is not None else ():

@@ -256,6 +256,9 @@ def run_together(
         except KeyboardInterrupt:
             stream.errors.append("ended by Ctrl-C before the last image set")
             raise
+        except OSError as error:
+            stream.errors.append(f"ended before the last image set: {error.strerror or error}")
+            raise
         finally:
             if joint_states is not None and (note := joint_states.note):
                 tell(note)

@@ -161,6 +161,12 @@ def test_fingers_follow_each_other(tmp_path):
         np.testing.assert_allclose(load_state(tmp_path / "state.yaml", body).joint_positions, [0.03, 0.035, -1.4])
 
 
+def test_joints_that_follow_each_other_in_a_circle_are_refused(tmp_path):
+    circle = GRIPPER.replace('lower="0.01" upper="0.05"/></joint>', 'lower="0.01" upper="0.05"/><mimic joint="right_finger"/></joint>')
+    with pytest.raises(FileFormatError, match=r"left_finger.*a joint that does not follow this one"):
+        load_model(written(tmp_path, circle))
+
+
 @pytest.fixture
 def pyramid() -> Mesh:
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])

@@ -12,7 +12,7 @@ from ...model.configuration import ROOT_NAMES, variable_names
 from ...model.humans.masses import mass_center
 from ...render.palette import BLACK, CYCLE
 from ...report.document import Block, Curve, Curves, Document, DocumentSection, Line, Pictures, file_name, write_figure_files
-from ...report.html import render_html
+from ...report.html import render_html, write_whole
 from ...report.metrics_file import made_by, today, write_metrics
 from ...report.pdf import write_pdf
 from ..masks.silhouettes import Picture, contact_sheet
@@ -99,7 +99,7 @@ def write_document(
     output.mkdir(parents=True, exist_ok=True)
     write_metrics(output / REPORT_JSON, metrics)
     progress("writing the page")
-    (output / REPORT_HTML).write_text(render_html(document), encoding="utf-8")
+    write_whole(output / REPORT_HTML, render_html(document))
     if options.figure_files:
         progress("writing charts and tables")
         write_figure_files(output, document)

@@ -323,10 +323,15 @@ def _check_axis_names(joints: list[Joint], nodes: dict[str, Node]) -> None:
 
 
 def _check_leaders(joints: list[Joint], nodes: dict[str, Node]) -> None:
-    axes = [axis.name for joint in joints for axis in joint.axes]
+    leaders = {axis.name: axis.mimic.leader if axis.mimic else None for joint in joints for axis in joint.axes}
     for joint in joints:
         for axis in joint.axes:
-            others = sorted(name for name in axes if name != axis.name)
-            if axis.mimic is not None and axis.mimic.leader not in others:
-                expected = f"another joint that moves, one of {others}"
+            if axis.mimic is None:
+                continue
+            others = sorted(name for name in leaders if name != axis.name)
+            wrong, followed = axis.mimic.leader not in others, axis.mimic.leader
+            for _ in leaders:  # to the one that follows none, unless they follow each other
+                followed = leaders.get(followed) or followed
+            if wrong or leaders[followed] is not None:
+                expected = f"another joint that moves, one of {others}" if wrong else "a joint that does not follow this one"
                 raise nodes[joint.name].needed("mimic").error(expected, axis.mimic.leader, "joint")
