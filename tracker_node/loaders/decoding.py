@@ -27,6 +27,7 @@ _CONVERTED: dict[str, tuple[int, int | None]] = {
     "mono16": (1, None), "bgr16": (3, None), "rgb16": (3, cv2.COLOR_RGB2BGR),
     **{f"bayer_{name}{bits}": (1, code) for name, code in _FROM_BAYER.items() for bits in (8, 16)},
 }  # fmt: skip
+_DARK = 16  # of 256: drivers that leave 12 bits where they are have nothing brighter
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,6 +288,9 @@ def pixels_of(
     rows = content[: height * step].reshape(height, step)[:, :used]
     if wide:
         rows = rows[:, 0 if big_endian else 1 :: 2]
+        if rows.max() < _DARK:
+            problem = "expected 16 bits a number, of which the upper eight are taken, got none above"
+            raise SourceError(camera, f"{what}: {encoding}: {problem} {256 * _DARK - 1}: 12 bits, to be shifted by four?")
     if step != used or encoding not in ENCODINGS:  # compiled code is made for rows without padding, and images that do not change
         rows = np.ascontiguousarray(rows)
         if code is not None:

@@ -162,7 +162,7 @@ def test_fingers_follow_each_other(tmp_path):
 
 
 def test_joints_that_follow_each_other_in_a_circle_are_refused(tmp_path):
-    circle = GRIPPER.replace('lower="0.01" upper="0.05"/></joint>', 'lower="0.01" upper="0.05"/><mimic joint="right_finger"/></joint>')
+    circle = GRIPPER.replace('upper="0.05"/></joint>', 'upper="0.05"/><mimic joint="right_finger"/></joint>')
     with pytest.raises(FileFormatError, match=r"left_finger.*a joint that does not follow this one"):
         load_model(written(tmp_path, circle))
 

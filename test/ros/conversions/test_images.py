@@ -141,6 +141,14 @@ def test_the_order_of_bytes_of_wide_numbers_is_that_of_the_message():
         assert np.array_equal(image.pixels, GRAY)
 
 
+def test_twelve_bits_in_the_lower_ones_are_named():
+    """Nothing would be seen in an image that is nearly black."""
+    data = (GRAY.astype("<u2") << 4).tobytes()
+    message = Image(height=GRAY.shape[0], width=GRAY.shape[1], encoding="mono16", step=2 * GRAY.shape[1], data=data)
+    with pytest.raises(SourceError, match="none above 4095: 12 bits"):
+        camera_image_of("left", message)
+
+
 def test_half_a_pair_is_refused():
     message = Image(height=2, width=3, encoding="yuv422", step=6, data=bytes(12))
     with pytest.raises(SourceError, match=r"left.*yuv422 of 3x2 pixels cannot be converted"):

@@ -139,7 +139,8 @@ class ImageInbox:
                 self._condition.notify()
 
         qos, create, direct = images_subscribed(self._options.lossless), self._node.create_subscription, self._options.direct
-        calibration = create(CameraInfo, f"{camera}/camera_info", remember, images_subscribed(False))  # the next one says the same
+        # One that is lost is no matter, the next one says the same.
+        calibration = create(CameraInfo, f"{camera}/camera_info", remember, images_subscribed(False))
         if direct is not None and camera in direct.cameras:
             direct.listen(camera, lambda image: self._enqueue(Received(camera, image)))
             return [calibration]
