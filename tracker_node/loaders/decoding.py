@@ -27,7 +27,7 @@ _CONVERTED: dict[str, tuple[int, int | None]] = {
     "mono16": (1, None), "bgr16": (3, None), "rgb16": (3, cv2.COLOR_RGB2BGR),
     **{f"bayer_{name}{bits}": (1, code) for name, code in _FROM_BAYER.items() for bits in (8, 16)},
 }  # fmt: skip
-_DARK = 16  # of 256: drivers that leave 12 bits where they are have nothing brighter
+_TWELVE_BITS = range(4, 16)  # of 256, the brightest where drivers leave 12 bits where they are; black is darker
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,8 +189,13 @@ def decoded_message(data: bytes | array.array | np.ndarray, form: str) -> np.nda
     pixels = decoded(data, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None or pixels.ndim == 3:
         return pixels
-    kind, _, pattern = form.partition(";")[0].strip().rstrip("0123456789").partition("_")
-    return cv2.cvtColor(pixels, _FROM_BAYER.get(pattern, cv2.COLOR_GRAY2BGR) if kind == "bayer" else cv2.COLOR_GRAY2BGR)
+    pattern = form.partition(";")[0].strip().rstrip("0123456789").removeprefix("bayer_")
+    return cv2.cvtColor(pixels, _FROM_BAYER[pattern] if is_mosaic(form) and pattern in _FROM_BAYER else cv2.COLOR_GRAY2BGR)
+
+
+def is_mosaic(form: str) -> bool:
+    """Whether a sensor_msgs/CompressedImage of this ``format`` may hold a Bayer mosaic."""
+    return form.startswith("bayer_")
 
 
 def decode_jpeg(data: bytes, size: tuple[int, int] | None = None) -> np.ndarray:
@@ -288,9 +293,9 @@ def pixels_of(
     rows = content[: height * step].reshape(height, step)[:, :used]
     if wide:
         rows = rows[:, 0 if big_endian else 1 :: 2]
-        if rows.max() < _DARK:
-            problem = "expected 16 bits a number, of which the upper eight are taken, got none above"
-            raise SourceError(camera, f"{what}: {encoding}: {problem} {256 * _DARK - 1}: 12 bits, to be shifted by four?")
+        if rows.max() in _TWELVE_BITS:
+            problem = "expected 16 bits a number, of which the upper eight are taken, got none above 4095"
+            raise SourceError(camera, f"{what}: {encoding}: {problem}: 12 bits, to be shifted by four?")
     if step != used or encoding not in ENCODINGS:  # compiled code is made for rows without padding, and images that do not change
         rows = np.ascontiguousarray(rows)
         if code is not None:

@@ -165,6 +165,11 @@ def test_joints_that_follow_each_other_in_a_circle_are_refused(tmp_path):
     circle = GRIPPER.replace('upper="0.05"/></joint>', 'upper="0.05"/><mimic joint="right_finger"/></joint>')
     with pytest.raises(FileFormatError, match=r"left_finger.*a joint that does not follow this one"):
         load_model(written(tmp_path, circle))
+    ghost = GRIPPER.replace('<mimic joint="left_finger" offset="0.005"/>', '<mimic joint="ghost"/>')
+    follower = '<mimic joint="right_finger"/></joint>'
+    first = ghost.replace('upper="0.05"/></joint>', f'upper="0.05"/>{follower}')
+    with pytest.raises(FileFormatError, match=r"another joint that moves.*ghost"):
+        load_model(written(tmp_path, first))
 
 
 @pytest.fixture

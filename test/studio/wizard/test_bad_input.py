@@ -198,6 +198,9 @@ def test_videos_of_unlike_sizes_and_steps_before_their_time_over_http(folder):
         job = client.do("rig", "import")
         assert "expected 200x200, got 200x160" in job["error"] and "--pixel-map cam02=cut" in job["error"]
         assert client.step("rig")["state"] == "to do" and not (folder / "rig.yaml").exists()
+        for text in ("cam02=cut --force", "cam02", "cam02=cut; rm"):
+            asked = {"step": "rig", "way": "import", "values": {"pixel_map": text}}
+            assert "expected camera=what" in client.json("/api/wizard/start", asked, status=400)["error"]
         job = client.do("rig", "import", pixel_map="cam02=cut")
         assert not job["error"] and "no background is to be relied on" in job["notes"][-1]
         assert client.step("rig")["found"][1].startswith("cam02: cam02.mp4, 200x160")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import SourceError, shown
 from ...observation.image_set import CameraImage
-from ..decoding import bayer_pattern, decoded_message, pixels_of
+from ..decoding import bayer_pattern, decoded_message, is_mosaic, pixels_of
 from .message_types import stamp_ns_of
 from .reader import BagMessage, BagReader
 
@@ -96,7 +96,7 @@ def source_content(reader: BagReader, message: BagMessage) -> tuple[int, np.ndar
     """
     content = reader.decode(message)
     stamp_ns = stamp_ns_of(content.header.stamp)
-    if message.type_name == COMPRESSED and content.data[:2].tobytes() == b"\xff\xd8":
+    if message.type_name == COMPRESSED and content.data[:2].tobytes() == b"\xff\xd8" and not is_mosaic(content.format):
         return stamp_ns, content.data.tobytes(), None
     pattern = bayer_pattern(getattr(content, "encoding", ""))
     if pattern:

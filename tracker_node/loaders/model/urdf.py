@@ -332,6 +332,6 @@ def _check_leaders(joints: list[Joint], nodes: dict[str, Node]) -> None:
             wrong, followed = axis.mimic.leader not in others, axis.mimic.leader
             for _ in leaders:  # to the one that follows none, unless they follow each other
                 followed = leaders.get(followed) or followed
-            if wrong or leaders[followed] is not None:
+            if wrong or leaders.get(followed) is not None:
                 expected = f"another joint that moves, one of {others}" if wrong else "a joint that does not follow this one"
                 raise nodes[joint.name].needed("mimic").error(expected, axis.mimic.leader, "joint")

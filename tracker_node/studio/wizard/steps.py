@@ -465,7 +465,11 @@ def _axes(values: Values) -> list[str]:
 
 
 def _pixels(values: Values) -> list[str]:
-    return ["--pixel-map", *values["pixel_map"].split()] if values["pixel_map"] else []
+    pairs = values["pixel_map"].split()
+    for pair in pairs:
+        if pair.startswith("-") or not all(pair.partition("=")):
+            raise TrackerError(f"how videos were resized: expected camera=what, for each camera, got {pair[:100]!r}")
+    return ["--pixel-map", *pairs] if pairs else []
 
 
 def _unless(values: Values, name: str, usual: str) -> list[str]:
