@@ -1,5 +1,6 @@
 """What folders lack or have too much of, and what steps are refused: in words, and without a process started."""
 
+import json
 import shutil
 import time
 from pathlib import Path
@@ -59,6 +60,15 @@ def test_of_two_calibrations_one_must_be_chosen(folder):
             steps.commands("rig", "import", {"calibration": wrong})
     found = steps.commands("rig", "import", {"calibration": "old.toml", "backgrounds": "none"})
     assert found == [["rig", "import", "old.toml", "--sources", "videos", "-o", "rig.yaml"]]
+
+
+def test_a_run_that_ended_early_is_said_to(folder):
+    (folder / "recording.yaml").write_text("rig: rig.yaml\n")
+    (folder / "run").mkdir()
+    ended = "ended by Ctrl-C before the last image set"
+    (folder / "run/run.json").write_text(json.dumps({"image_sets": 27, "status_counts": {"TRACKING": 27}, "errors": [ended]}))
+    (run,) = (step for step in Steps(folder).all() if step.name == "run")
+    assert run.found == ("27 image sets: 27 TRACKING", ended)
 
 
 def test_what_is_typed_is_no_option_of_a_command(folder):

@@ -389,7 +389,8 @@ class Steps:
         try:
             summary = json.loads((self.folder / self.current_run() / "run.json").read_text())
             counts = {str(name): int(n) for name, n in summary["status_counts"].items() if n}
-            return (f"{int(summary['image_sets'])} image sets: " + ", ".join(f"{n} {name}" for name, n in counts.items()),)
+            said = f"{int(summary['image_sets'])} image sets: " + ", ".join(f"{n} {name}" for name, n in counts.items())
+            return (said, *map(str, summary.get("errors", ())))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return ()
 
