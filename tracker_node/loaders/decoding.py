@@ -295,7 +295,7 @@ def pixels_of(
         rows = rows[:, 0 if big_endian else 1 :: 2]
         if rows.max() in _TWELVE_BITS:
             problem = "expected 16 bits a number, of which the upper eight are taken, got none above 4095"
-            raise SourceError(camera, f"{what}: {encoding}: {problem}: 12 bits, to be shifted by four?")
+            raise SourceError(camera, f"{what}: {encoding}: {problem}: 12 bits, to be shifted by four, or a dark image")
     if step != used or encoding not in ENCODINGS:  # compiled code is made for rows without padding, and images that do not change
         rows = np.ascontiguousarray(rows)
         if code is not None:

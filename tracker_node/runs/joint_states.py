@@ -22,7 +22,7 @@ from ..tracking.config import GEOMETRIC, TrackerConfig
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 USUAL_TOPIC = "/joint_states"
-_BEYOND = 0.25  # of a joint's range, by which a robot may be beyond its limits
+_BEYOND, _LEAST_BEYOND = 0.25, 0.1  # of a joint's range, and radians or meters, by which a robot may be beyond its limits
 _NAMED = 8  # names in a message for people
 
 
@@ -156,7 +156,7 @@ def _check_limits(path: Path, states: JointStates, model: ArticulatedModel) -> N
 
 def _contradiction(axis: Axis, positions: np.ndarray) -> tuple[str, str] | None:
     """What was expected and what came, where most positions are far beyond the joint's limits."""
-    margin = _BEYOND * (axis.upper - axis.lower)
+    margin = max(_BEYOND * (axis.upper - axis.lower), _LEAST_BEYOND)
     if not len(positions) or np.mean((positions < axis.lower - margin) | (positions > axis.upper + margin)) <= 0.5:
         return None
     low, high = positions.min(), positions.max()
