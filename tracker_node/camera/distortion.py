@@ -23,6 +23,20 @@ COEFFICIENT_COUNTS = {"none": (0,), "plumb_bob": (4, 5), "rational_polynomial": 
 N_PACKED = 8  # coefficients, padded with zeros
 
 
+def used_coefficients(model: str, coefficients: np.ndarray) -> np.ndarray:
+    """Those of a lens, without the zeros that OpenCV has behind them for prisms and tilts (12 or 14 in all).
+
+    Parameters
+    ----------
+    model, coefficients : one of `MODEL_IDS`; (n,) of it.
+
+    Returns
+    -------
+    (8,) of a rational polynomial whose others are zero; else as given.
+    """
+    return coefficients[:N_PACKED] if model == "rational_polynomial" and not coefficients[N_PACKED:].any() else coefficients
+
+
 @compiled
 def distort(model_id, k, x, y):
     """Distorted coordinates of a point, and their derivative.

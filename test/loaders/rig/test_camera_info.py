@@ -121,6 +121,14 @@ def test_there_and_back(tmp_path, kind, coefficients):
     np.testing.assert_array_equal(again.project(points)[0], model.project(points)[0])
 
 
+def test_zeros_of_prisms_and_tilts_are_none(tmp_path):
+    eight = "[-0.361, 0.12, 0.0007, -0.0006, 0.01, 0.02, 0.03, 0.04"
+    text = TEXT.replace("plumb_bob", "rational_polynomial").replace("[-0.361, 0.12, 0.0007, -0.0006, 0.]", f"{eight}{', 0.' * 6}]")
+    assert load(tmp_path, text)[1].distortion.size == 8
+    with pytest.raises(FileFormatError, match="8 coefficients of rational_polynomial"):
+        load(tmp_path, text.replace("0., 0., 0., 0., 0.]", "0., 0., 0., 0., 1.e-3]"))
+
+
 def test_opencv_calls_it_fisheye(tmp_path):
     text = TEXT.replace("plumb_bob", "fisheye").replace(", -0.0006, 0.]", ", -0.0006]")
     assert load(tmp_path, text)[1].distortion_model == "equidistant"

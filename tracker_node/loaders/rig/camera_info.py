@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...camera.distortion import COEFFICIENT_COUNTS
+from ...camera.distortion import COEFFICIENT_COUNTS, used_coefficients
 from ...camera.model import CameraModel
 from ...errors import FileFormatError
 from ..yaml_file import read_mapping, write_mapping
@@ -43,7 +43,7 @@ def load_camera_info(path: str | Path) -> tuple[str, CameraModel]:
     kind = _NAMES.get(kind, kind)
     if kind not in COEFFICIENT_COUNTS:
         raise FileFormatError(path, "distortion_model", f"one of {sorted(COEFFICIENT_COUNTS)}", kind)
-    coefficients = np.zeros(0) if kind == "none" else _matrix(path, values, "distortion_coefficients")
+    coefficients = np.zeros(0) if kind == "none" else used_coefficients(kind, _matrix(path, values, "distortion_coefficients"))
     if coefficients.size not in COEFFICIENT_COUNTS[kind]:
         expected = f"{' or '.join(map(str, COEFFICIENT_COUNTS[kind]))} coefficients of {kind}"
         raise FileFormatError(path, "distortion_coefficients.data", expected, coefficients.tolist())

@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...camera.distortion import COEFFICIENT_COUNTS
+from ...camera.distortion import COEFFICIENT_COUNTS, used_coefficients
 from ...camera.model import CameraModel, plausible
 from ...errors import CalibrationError, shown
 from .parts import Content, header
@@ -133,8 +133,7 @@ def lens_of(camera: str, message: Any) -> CameraModel:
     coefficients = np.array(message.d, dtype=np.float64)
     if not coefficients.any() and name in ("none", "plumb_bob", "rational_polynomial"):
         name, coefficients = "none", np.zeros(0)
-    if name == "rational_polynomial" and not coefficients[8:].any():
-        coefficients = coefficients[:8]  # OpenCV has twelve or fourteen, for prisms and tilts
+    coefficients = used_coefficients(name, coefficients)
     if name not in COEFFICIENT_COUNTS or coefficients.size not in COEFFICIENT_COUNTS[name]:
         known = ", ".join(f"{key} with {' or '.join(map(str, n))}" for key, n in COEFFICIENT_COUNTS.items())
         got = f"{shown(name)} with {coefficients.size}"
