@@ -123,7 +123,8 @@ def test_there_and_back(tmp_path, kind, coefficients):
 
 def test_zeros_of_prisms_and_tilts_are_none(tmp_path):
     eight = "[-0.361, 0.12, 0.0007, -0.0006, 0.01, 0.02, 0.03, 0.04"
-    text = TEXT.replace("plumb_bob", "rational_polynomial").replace("[-0.361, 0.12, 0.0007, -0.0006, 0.]", f"{eight}{', 0.' * 6}]")
+    text = TEXT.replace("plumb_bob", "rational_polynomial")
+    text = text.replace("[-0.361, 0.12, 0.0007, -0.0006, 0.]", f"{eight}{', 0.' * 6}]")
     assert load(tmp_path, text)[1].distortion.size == 8
     with pytest.raises(FileFormatError, match="8 coefficients of rational_polynomial"):
         load(tmp_path, text.replace("0., 0., 0., 0., 0.]", "0., 0., 0., 0., 1.e-3]"))
