@@ -62,9 +62,9 @@ class ClothedClip:
     def __len__(self) -> int:
         return len(self.truth_m)
 
-    def seen_by(self, camera: str) -> ClothedClip:
-        """The clip by one of its cameras alone."""
-        return replace(self, rig=replace(self.rig, cameras=(self.rig[camera],)))
+    def seen_by(self, *cameras: str) -> ClothedClip:
+        """The clip by some of its cameras alone."""
+        return replace(self, rig=self.rig.subset(cameras))
 
     def start(self, row: int = 0) -> State:
         """The state whose landmarks are nearest to the truth."""

@@ -97,6 +97,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not folders:
             raise SourceError("clothed_people", "name folders with --clips, or that of all recordings by TRACKER_SHARED_DATA")
         clips = [load_clip(folder) for folder in folders]
+        clips = [clip.seen_by(*args.cameras) for clip in clips] if args.cameras else clips
         files = weights_of(args.size, args.weights)
         found = measure(clips, files, args)
     except TrackerError as error:
@@ -287,6 +288,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     add_arguments(parser, "clip_1 to clip_8", OUTPUT)
     add = parser.add_argument
     add("--only", nargs="*", choices=PARTS, default=PARTS, metavar="PART", help=f"beside points: {', '.join(PARTS)}")
+    add("--cameras", nargs="+", default=(), metavar="CAMERA", help="by which the clips are seen (default: all)")
     add("--size", default=DEFAULT_SIZE, choices=("lite", "full", "heavy"), help="of the network (default: %(default)s)")
     add("--weights", type=Path, metavar="FOLDER", help="of pose_landmark_SIZE.tflite for another size")
     return parser.parse_args(arguments)

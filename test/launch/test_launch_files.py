@@ -65,6 +65,7 @@ class Started:
     parameters: dict
     remappings: list
     timeouts_s: tuple[float, float]
+    namespace: str
 
 
 def launched(name: str, /, **given: str) -> tuple[list[Started], Arguments]:
@@ -112,7 +113,9 @@ def node_of(kwargs: dict, context: dict[str, str]) -> Started:
             parameters[key] = resolved(value, context) if isinstance(value, LaunchConfiguration) else value
     name = resolved(kwargs.get("name", kwargs["executable"]), context)
     timeouts_s = (float(kwargs.get("sigterm_timeout", 5.0)), float(kwargs.get("sigkill_timeout", 5.0)))  # 5 are those of launch
-    return Started(kwargs["package"], kwargs["executable"], name, arguments, parameters, kwargs.get("remappings", []), timeouts_s)
+    namespace = resolved(kwargs.get("namespace", ""), context)
+    remappings = kwargs.get("remappings", [])
+    return Started(kwargs["package"], kwargs["executable"], name, arguments, parameters, remappings, timeouts_s, namespace)
 
 
 def check_runs(node: Started) -> argparse.Namespace | None:
@@ -168,6 +171,13 @@ def test_what_is_started_takes_its_arguments(stand_ins, name, given, expected):
     assert [node.name for node in nodes] == expected
     for node in nodes:
         check_runs(node)
+
+
+def test_all_nodes_of_a_rig_are_in_its_namespace(stand_ins):
+    nodes = started_by("rig.launch.py", **BODY, namespace="lab", bag="out/bag", keypoints="true")
+    assert {node.name: node.namespace for node in nodes if node.package == "tracker_node"} == dict.fromkeys(
+        ["recorder", "tracker", "keypoints", "camera_ingest"], "lab"
+    )
 
 
 def test_points_of_a_detector_are_compared_unless_a_file_chooses(stand_ins):

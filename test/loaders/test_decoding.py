@@ -8,7 +8,7 @@ import pytest
 
 from tracker_node.camera.rig import CaptureSettings
 from tracker_node.errors import SourceError
-from tracker_node.loaders.decoding import Preparation, decode_jpeg, decoded_message, is_mosaic, jpeg_size
+from tracker_node.loaders.decoding import Preparation, decode_jpeg, decoded_message, is_plain_jpeg, jpeg_size
 from tracker_node.loaders.images.source import SourceOptions, open_source
 
 WIDTH, HEIGHT = 64, 48
@@ -165,7 +165,9 @@ def test_compressed_mosaics_have_their_colors_and_images_lie_as_in_the_file():
     found = decoded_message(png, "bayer_rggb8; png compressed ")
     np.testing.assert_array_equal(found[2:6, 2:6], colors[2:6, 2:6])
     np.testing.assert_array_equal(decoded_message(png, "mono8; png compressed "), np.repeat(mosaic[..., None], 3, axis=2))
-    assert is_mosaic("bayer_rggb8; jpeg compressed") and not is_mosaic("mono8; jpeg compressed")
+    gray = cv2.imencode(".jpg", mosaic)[1].tobytes()
+    assert is_plain_jpeg(gray, "mono8; jpeg compressed") and not is_plain_jpeg(gray, "bayer_rggb8; jpeg compressed")
+    assert not is_plain_jpeg(png, "mono8; jpeg compressed")
     already = cv2.imencode(".png", colors)[1].tobytes()
     np.testing.assert_array_equal(decoded_message(already, "bayer_rggb8; png compressed bgr8"), colors)
     assert decoded_message(b"nonsense", "jpeg") is None

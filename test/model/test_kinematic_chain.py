@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tracker_node.errors import ModelError, UnknownNameError
-from tracker_node.model.kinematic_chain import Axis, Joint, KinematicChain
+from tracker_node.model.kinematic_chain import Axis, Following, Joint, KinematicChain
 
 
 def joint(parent, child, *axes):
@@ -56,3 +56,13 @@ def test_unknown_names_list_the_valid_ones():
 def test_bad_axes_are_refused(values, message):
     with pytest.raises(ValueError, match=message):
         Axis(**{"name": "q", "direction": (1.0, 0.0, 0.0), **values})
+
+
+def test_axes_that_follow_each_other_in_a_circle_are_refused():
+    def following(*leaders: str) -> KinematicChain:
+        axes = [Axis(f"q{i}", (1.0, 0.0, 0.0), mimic=Following(leader) if leader else None) for i, leader in enumerate(leaders)]
+        return KinematicChain(("a", "b"), (Joint("ab", "a", "b", np.eye(4), tuple(axes)),))
+
+    assert [axis for axis, *_ in following("", "q0", "q1", "q0").couplings] == [1, 2, 3]
+    with pytest.raises(ModelError, match=r"in a circle: \['q1', 'q2', 'q3'\]"):  # the last follows those that do
+        following("", "q2", "q1", "q2")

@@ -1,12 +1,12 @@
 """The page of an experiment or a calibration."""
 
 import base64
-import subprocess
-import sys
 
 import cv2
 import numpy as np
+import pytest
 
+from helpers.sources.small_disk import limited_files
 from tracker_node.report.html import PageSection, write_page
 
 
@@ -54,16 +54,8 @@ def test_headings_and_cells_are_escaped(tmp_path):
 
 
 def test_a_full_disk_leaves_what_was_there_and_is_named(tmp_path):
-    """The limit of a file's size stands for that of the disk: the kernel refuses in the middle of the write."""
     path = tmp_path / "page.html"
     path.write_text("whole")
-    script = f"""import pathlib, resource, signal
-from tracker_node.report.html import write_whole
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
-try:
-    write_whole(pathlib.Path({str(path)!r}), "x" * 100_000)
-except OSError as error:
-    print(error.filename)"""
-    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
-    assert said == f"{path}\n" and path.read_text() == "whole" and list(tmp_path.iterdir()) == [path]
+    with limited_files(100), pytest.raises(OSError, match="File too large") as refused:
+        write_page(path, "A title", [PageSection("First", "A sentence.")])
+    assert refused.value.filename == str(path) and path.read_text() == "whole" and list(tmp_path.iterdir()) == [path]

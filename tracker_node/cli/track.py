@@ -149,9 +149,6 @@ def run(args: argparse.Namespace) -> int:
         kept = f"what was tracked until then is in {args.output}" if begun else "nothing was tracked yet"
         print(f"track: ended by Ctrl-C; {kept}", file=sys.stderr)
         raise
-    except OSError as error:
-        error.filename = error.filename or str(args.output)  # a full disk says nothing of where
-        raise
     statuses = []
     for name in (name for name in summaries if name not in bodies):
         _report(summaries[name], args.output / name, args.quiet, told, name)

@@ -28,11 +28,15 @@ class CsvWriter(Closing):
         self.write_rows([header])
 
     def write_rows(self, rows: Sequence[Sequence[Any]]) -> None:
-        for row in rows:
-            # A carriage return ends a line for every reader, but the writer quotes only what is in its own line's end
-            returns = any(isinstance(cell, str) and "\r" in cell for cell in row)
-            (self._quoting if returns else self._writer).writerow(row)
-        self._stream.flush()
+        try:
+            for row in rows:
+                # A carriage return ends a line for every reader, but the writer quotes only what is in its own line's end
+                returns = any(isinstance(cell, str) and "\r" in cell for cell in row)
+                (self._quoting if returns else self._writer).writerow(row)
+            self._stream.flush()
+        except OSError as error:  # of a full disk, which says nothing of where
+            error.filename = str(self.path)
+            raise
 
     def close(self) -> None:
         if not self._stream.closed:

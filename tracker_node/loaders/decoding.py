@@ -19,13 +19,14 @@ _REDUCED = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_RE
 _FROM_BAYER = {name: getattr(cv2, f"COLOR_Bayer{name.upper()}2BGR") for name in ("rggb", "bggr", "gbrg", "grbg")}
 _SAME_ENCODING = {"8UC1": "mono8", "8UC3": "bgr8", "8UC4": "bgra8", "uyvy": "yuv422", "yuyv": "yuv422_yuy2"}  # other names
 _BAYER_ENCODING = {f"bayer_{name}8": name for name in _FROM_BAYER}
+_MOSAICS = {f"bayer_{name}{bits}": code for name, code in _FROM_BAYER.items() for bits in (8, 16)}
 # What else cameras of ROS send, of which images of the core are made: numbers a pixel, and how they become bgr8. Not 16UC1: such
 # images are depths.
 _CONVERTED: dict[str, tuple[int, int | None]] = {
     "bgra8": (4, cv2.COLOR_BGRA2BGR), "rgba8": (4, cv2.COLOR_RGBA2BGR),
     "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY), "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2),
     "mono16": (1, None), "bgr16": (3, None), "rgb16": (3, cv2.COLOR_RGB2BGR),
-    **{f"bayer_{name}{bits}": (1, code) for name, code in _FROM_BAYER.items() for bits in (8, 16)},
+    **{name: (1, code) for name, code in _MOSAICS.items()},
 }  # fmt: skip
 _TWELVE_BITS = range(4, 16)  # of 256, the brightest where drivers leave 12 bits where they are; black is darker
 
@@ -189,13 +190,25 @@ def decoded_message(data: bytes | array.array | np.ndarray, form: str) -> np.nda
     pixels = decoded(data, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None or pixels.ndim == 3:
         return pixels
-    pattern = form.partition(";")[0].strip().rstrip("0123456789").removeprefix("bayer_")
-    return cv2.cvtColor(pixels, _FROM_BAYER[pattern] if is_mosaic(form) and pattern in _FROM_BAYER else cv2.COLOR_GRAY2BGR)
+    return cv2.cvtColor(pixels, _MOSAICS.get(_own_encoding(form), cv2.COLOR_GRAY2BGR))
 
 
-def is_mosaic(form: str) -> bool:
-    """Whether a sensor_msgs/CompressedImage of this ``format`` may hold a Bayer mosaic."""
-    return form.startswith("bayer_")
+def is_plain_jpeg(data: bytes, form: str) -> bool:
+    """Whether an image can be handed on as it is.
+
+    Parameters
+    ----------
+    data, form : of the message, as of `decoded_message`.
+
+    Returns
+    -------
+    True for a JPEG, but for a mosaic, whose colors are still to be made.
+    """
+    return data[:2] == b"\xff\xd8" and _own_encoding(form) not in _MOSAICS
+
+
+def _own_encoding(form: str) -> str:
+    return form.partition(";")[0].strip()
 
 
 def decode_jpeg(data: bytes, size: tuple[int, int] | None = None) -> np.ndarray:
@@ -293,11 +306,11 @@ def pixels_of(
     rows = content[: height * step].reshape(height, step)[:, :used]
     if wide:
         rows = rows[:, 0 if big_endian else 1 :: 2]
-        if rows.max() in _TWELVE_BITS:
-            problem = "expected 16 bits a number, of which the upper eight are taken, got none above 4095"
-            raise SourceError(camera, f"{what}: {encoding}: {problem}: 12 bits, to be shifted by four, or a dark image")
     if step != used or encoding not in ENCODINGS:  # compiled code is made for rows without padding, and images that do not change
         rows = np.ascontiguousarray(rows)
+        if wide and rows.max() in _TWELVE_BITS:
+            problem = "expected 16 bits a number, of which the upper eight are taken, got none above 4095"
+            raise SourceError(camera, f"{what}: {encoding}: {problem}: 12 bits, to be shifted by four, or a dark image")
         if code is not None:
             try:
                 rows = cv2.cvtColor(rows if channels == 1 else rows.reshape(height, width, channels), code)

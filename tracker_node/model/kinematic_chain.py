@@ -70,6 +70,15 @@ class Axis:
         return "m" if self.prismatic else "rad"
 
 
+def followers_in_circle(axes: Iterable[Axis]) -> list[str]:
+    """Names of axes that follow themselves in the end, or others that do."""
+    leaders = {axis.name: axis.mimic.leader for axis in axes if axis.mimic is not None}
+    last = {name: name for name in leaders}
+    for _ in leaders:
+        last = {name: leaders.get(at, at) for name, at in last.items()}
+    return [name for name, at in last.items() if at in leaders]
+
+
 def axes_in_degrees(rows: Iterable[tuple], prefix: str = "", sign: float = 1.0) -> tuple[Axis, ...]:
     """Axes of a joint by a table.
 
@@ -232,6 +241,8 @@ class KinematicChain:
             if axis.mimic is not None and (axis.mimic.leader not in names or axis.mimic.leader == axis.name):
                 others = [name for name in names if name != axis.name]
                 raise UnknownNameError(f"axis that '{axis.name}' follows", axis.mimic.leader, others)
+        if circle := followers_in_circle(axes):
+            raise ModelError(f"axes may not follow each other in a circle: {circle}")
         link_moved_by = np.zeros((n, N_ROOT_DOF + len(axes)), dtype=np.bool_)
         for i, dofs in enumerate(moved):
             link_moved_by[i, sorted(dofs)] = True

@@ -22,6 +22,7 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from ..loaders.whole_file import write_whole
 from ..render.palette import BLACK, BLUE, GRAY, RED, STATES
 from .document import (
     TIME,
@@ -383,28 +384,7 @@ def write_page(path: str | Path, title: str, sections: Sequence[PageSection]) ->
         versions=versions(), cpu=cpu(), made=today(),
     )  # fmt: skip
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    write_whole(Path(path), page)
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file, or leave what was there: a page that ends in the middle looks like a whole one.
-
-    Parameters
-    ----------
-    path, text : where, and what.
-
-    Raises
-    ------
-    OSError : of a full disk, naming the file.
-    """
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        error.filename = str(path)
-        raise
+    write_whole(path, page)
 
 
 def text_table(rows: Sequence[Sequence[str]]) -> str:

@@ -11,7 +11,7 @@ from ..errors import TrackerError
 from ..loaders.bag.message_types import stamp_ns_of
 from ..model.articulated import ArticulatedModel
 from ..observation.image_set import ImageSet
-from ..runs.joint_states import axes_of, check_positions, joint_states_of, positions_of, with_joint_states
+from ..runs.joint_states import check_positions, joint_states_of, positions_of, with_joint_states
 from .diagnostics import OK, WARN, Diagnostics, QosMismatches
 from .qos import RESULT, overridable
 
@@ -39,7 +39,8 @@ class JointStateInbox:
     """
 
     def __init__(self, node: Node, model: ArticulatedModel, topic: str, diagnostics: Diagnostics, mismatches: QosMismatches):
-        self._node, self._model, self._axes, self._diagnostics = node, model, axes_of(model), diagnostics
+        self._node, self._diagnostics = node, diagnostics
+        self._axes = {axis.name: axis for axis in model.chain.axes}
         self._states, self._newest_ns = joint_states_of(model, _MOST), 0
         self._patient, self._last_s, self._problem = True, time.monotonic(), ""
         self._said_ns, self._in_a_row = 0, 0  # stamp of the last message, and image sets since one was used
@@ -60,7 +61,7 @@ class JointStateInbox:
         self.received += 1
         try:
             positions = positions_of(message, self._axes)
-            check_positions(positions, self._model)
+            check_positions(positions, self._axes)
             self._states.add(stamp_ns_of(message.header.stamp), positions)
         except TrackerError as error:
             self.refused += 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -103,21 +103,22 @@ def positions_of(message: Any, axes: Collection[str]) -> list[tuple[str, float]]
     return finite
 
 
-def check_positions(positions: Iterable[tuple[str, float]], model: ArticulatedModel) -> None:
+def check_positions(positions: Iterable[tuple[str, float]], axes: Mapping[str, Axis]) -> None:
     """Whether a robot can be where a message says that it is.
 
     Parameters
     ----------
-    positions, model : of `positions_of`; the body whose joints they are of.
+    positions, axes : of `positions_of`; the body's axes by name.
 
     Raises
     ------
     TrackerError : a joint is far beyond its limits, as in degrees.
     """
-    axes = {axis.name: axis for axis in model.chain.axes}
     for name, position in positions:
-        if contradiction := _contradiction(axes[name], np.array([position])):
-            raise TrackerError(f"joint states: {name}: expected {contradiction[0]}, got {contradiction[1]}")
+        low, high = _believed(axes[name])
+        if not low <= position <= high:
+            expected, unit = _limits_of(axes[name])
+            raise TrackerError(f"joint states: {name}: expected {expected}, got {position:.3g}: {unit}")
 
 
 def load_joint_states(file: JointStateFile, model: ArticulatedModel) -> JointStates:
@@ -150,19 +151,22 @@ def load_joint_states(file: JointStateFile, model: ArticulatedModel) -> JointSta
 def _check_limits(path: Path, states: JointStates, model: ArticulatedModel) -> None:
     """Positions most of which are far beyond a joint's limits are of another unit."""
     for axis in model.chain.axes:
-        if contradiction := _contradiction(axis, states.positions(axis.name)):
-            raise FileFormatError(path, axis.name, *contradiction)
+        positions, (low, high) = states.positions(axis.name), _believed(axis)
+        if len(positions) and np.mean((positions < low) | (positions > high)) > 0.5:
+            expected, unit = _limits_of(axis)
+            raise FileFormatError(path, axis.name, expected, f"{positions.min():.3g} to {positions.max():.3g}: {unit}")
 
 
-def _contradiction(axis: Axis, positions: np.ndarray) -> tuple[str, str] | None:
-    """What was expected and what came, where most positions are far beyond the joint's limits."""
+def _believed(axis: Axis) -> tuple[float, float]:
+    """Between which positions a robot may say that it is."""
     margin = max(_BEYOND * (axis.upper - axis.lower), _LEAST_BEYOND)
-    if not len(positions) or np.mean((positions < axis.lower - margin) | (positions > axis.upper + margin)) <= 0.5:
-        return None
-    low, high = positions.min(), positions.max()
-    got = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+    return axis.lower - margin, axis.upper + margin
+
+
+def _limits_of(axis: Axis) -> tuple[str, str]:
+    """A joint's limits, and the unit that positions far beyond them may have, in words."""
     unit = "degrees?" if axis.unit == "rad" else "millimeters?"
-    return f"{axis.unit} between the joint's limits, {axis.lower:.3g} and {axis.upper:.3g}", f"{got}: {unit}"
+    return f"{axis.unit} between the joint's limits, {axis.lower:.3g} and {axis.upper:.3g}", unit
 
 
 def _from_csv(path: Path, model: ArticulatedModel) -> JointStates:

@@ -1,11 +1,14 @@
 """``calibrate rig`` and ``calibrate intrinsics``: from folders and videos of a board to a rig file, and what is refused."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from helpers.cameras.board_scenes import picture, ring
 from tracker_node.calibration.board.board import Board
+from tracker_node.calibration.board.rig import calibrate_rig
 from tracker_node.camera.rig import Camera, CameraRig
 from tracker_node.cli.main import main
 from tracker_node.geometry import se3, so3
@@ -156,6 +159,18 @@ def test_cameras_that_never_see_the_board_together(folders, tmp_path, capsys):
             cv2.imwrite(str(tmp_path / name / f"{i:02d}.png"), image if i in numbers else np.full_like(image, 90))
     said = refusal(capsys, tmp_path, "rig", "--videos", tmp_path / "one", tmp_path / "two", *GIVEN)
     assert "the board was never seen by two cameras together: {one} and {two}" in said
+
+
+def test_a_rig_that_has_not_converged_is_no_success(folders, tmp_path, capsys, monkeypatch):
+    def unfinished(*arguments):
+        found = calibrate_rig(*arguments)
+        return replace(found, adjustment=replace(found.adjustment, converged=False))
+
+    monkeypatch.setattr("tracker_node.calibration.board.rig.calibrate_rig", unfinished)
+    output = tmp_path / "rig.yaml"
+    assert calibrate("rig", "--videos", folders / "left", folders / "right", *GIVEN, "-o", output) == 1
+    said = capsys.readouterr().err
+    assert "warning: not converged" in said and f"do not use {output} unseen" in said and "--clocks sound" in said
 
 
 def test_a_truncated_video_is_used_as_far_as_it_goes_and_said(folders, tmp_path, capsys):

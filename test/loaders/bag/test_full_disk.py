@@ -58,11 +58,12 @@ def test_a_full_disk_leaves_a_finished_bag_and_everything_is_accounted_for(small
 
 def test_what_had_come_before_the_disk_was_full_is_written_to_the_room_kept_for_it(small_disk) -> None:
     disk = small_disk(12)
-    with pytest.raises(OSError, match="No space"), BagWriter(disk / "run", chunk_bytes=500_000) as writer:
+    with pytest.raises(OSError, match="No space") as refused, BagWriter(disk / "run", chunk_bytes=500_000) as writer:
         writer.add_topic("/a", STRING)
         for i in range(1000):
             taken = i
             writer.write("/a", i, message(i))
+    assert refused.value.filename == str(disk / "run")
     assert numbers(disk / "run") == list(range(taken + 1))
 
 

@@ -6,12 +6,12 @@ import time
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from tracker_node.observation.image_set import CameraImage
 from tracker_node.ros.conversions import image_message
 from tracker_node.ros.diagnostics import Diagnostics, QosMismatches
-from tracker_node.ros.qos import images_published
+from tracker_node.ros.qos import LIVE_IMAGES, images_published
 from tracker_node.ros.tracker.image_inbox import MOST_BYTES, ImageInbox, InboxOptions, Received
 
 
@@ -149,6 +149,16 @@ def test_raw_or_compressed_images_are_listened_to(probe, make, compressed, topic
     inbox.subscribe(("a",))
     (end,) = probe.node.get_subscriptions_info_by_topic(f"/{topic}")
     assert end.topic_type == kind
+
+
+def test_calibrations_that_are_offered_best_effort_come_to_a_lossless_tracker_too(probe, make):
+    inbox = make(lossless=True)
+    inbox.subscribe(("a",))
+    publisher = probe.node.create_publisher(CameraInfo, "a/camera_info", LIVE_IMAGES)
+    probe.spin_until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(CameraInfo(width=640))
+    probe.spin_until(lambda: "a" in inbox.infos, "a calibration")
+    assert inbox.infos["a"].width == 640
 
 
 def test_an_image_comes_serialized_and_is_decoded_when_wanted(probe, make):

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ...loaders.whole_file import write_whole
 from ...model.configuration import ROOT_NAMES, variable_names
 from ...model.humans.masses import mass_center
 from ...render.palette import BLACK, CYCLE
 from ...report.document import Block, Curve, Curves, Document, DocumentSection, Line, Pictures, file_name, write_figure_files
-from ...report.html import render_html, write_whole
+from ...report.html import render_html
 from ...report.metrics_file import made_by, today, write_metrics
 from ...report.pdf import write_pdf
 from ..masks.silhouettes import Picture, contact_sheet

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import SourceError, shown
 from ...observation.image_set import CameraImage
-from ..decoding import bayer_pattern, decoded_message, is_mosaic, pixels_of
+from ..decoding import bayer_pattern, decoded_message, is_plain_jpeg, pixels_of
 from .message_types import stamp_ns_of
 from .reader import BagMessage, BagReader
 
@@ -96,8 +96,8 @@ def source_content(reader: BagReader, message: BagMessage) -> tuple[int, np.ndar
     """
     content = reader.decode(message)
     stamp_ns = stamp_ns_of(content.header.stamp)
-    if message.type_name == COMPRESSED and content.data[:2].tobytes() == b"\xff\xd8" and not is_mosaic(content.format):
-        return stamp_ns, content.data.tobytes(), None
+    if message.type_name == COMPRESSED and is_plain_jpeg(data := content.data.tobytes(), content.format):
+        return stamp_ns, data, None
     pattern = bayer_pattern(getattr(content, "encoding", ""))
     if pattern:
         return stamp_ns, _pixels(content, "mono8", message.topic, stamp_ns)[0], pattern

@@ -269,7 +269,8 @@ class BagWriter(Closing):
         """On a full disk give back the room that was kept, and write to it what has come so far, or all of ``action``."""
         try:
             action()
-        except OSError:
+        except OSError as error:
+            error.filename = str(self.path)  # a full disk says nothing of where
             if not self._reserve.release():
                 raise
             if again:

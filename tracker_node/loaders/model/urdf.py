@@ -18,7 +18,16 @@ import numpy as np
 from ...errors import FileFormatError, ModelError
 from ...geometry import se3
 from ...model.articulated import DEFAULT_COLOR_RGB, ArticulatedModel, Landmark, Shape
-from ...model.kinematic_chain import ENDLESS_RAD, ROOT_DOF_NAMES, UNLIMITED_VELOCITY, Axis, Following, Joint, KinematicChain
+from ...model.kinematic_chain import (
+    ENDLESS_RAD,
+    ROOT_DOF_NAMES,
+    UNLIMITED_VELOCITY,
+    Axis,
+    Following,
+    Joint,
+    KinematicChain,
+    followers_in_circle,
+)
 from ...model.shapes.primitives import Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from .mesh_file import read_mesh
 from .urdf_xml import Node, read_robot
@@ -323,15 +332,15 @@ def _check_axis_names(joints: list[Joint], nodes: dict[str, Node]) -> None:
 
 
 def _check_leaders(joints: list[Joint], nodes: dict[str, Node]) -> None:
-    leaders = {axis.name: axis.mimic.leader if axis.mimic else None for joint in joints for axis in joint.axes}
+    axes = [axis for joint in joints for axis in joint.axes]
+    circle = followers_in_circle(axes)
     for joint in joints:
         for axis in joint.axes:
             if axis.mimic is None:
                 continue
-            others = sorted(name for name in leaders if name != axis.name)
-            wrong, followed = axis.mimic.leader not in others, axis.mimic.leader
-            for _ in leaders:  # to the one that follows none, unless they follow each other
-                followed = leaders.get(followed) or followed
-            if wrong or leaders.get(followed) is not None:
-                expected = f"another joint that moves, one of {others}" if wrong else "a joint that does not follow this one"
+            others = sorted(other.name for other in axes if other.name != axis.name)
+            expected = "a joint that does not follow this one" if axis.name in circle else ""
+            if axis.mimic.leader not in others:
+                expected = f"another joint that moves, one of {others}"
+            if expected:
                 raise nodes[joint.name].needed("mimic").error(expected, axis.mimic.leader, "joint")

@@ -19,7 +19,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from ...errors import SourceError, TrackerError
 from ...loaders.bag.images import COMPRESSED, RAW
 from ...loaders.bag.metadata import OfferedQos
-from ...loaders.decoding import Preparation, SourceImage, bayer_pattern, content_size, is_mosaic
+from ...loaders.decoding import Preparation, SourceImage, bayer_pattern, content_size, is_plain_jpeg
 from ...loaders.images.feed import is_repetition
 from ...loaders.images.live_capture import Connection
 from ...loaders.images.recorded_source import SourceOptions
@@ -257,8 +257,7 @@ class TopicSource:
         stamp_ns = stamp_ns_of(message.header.stamp)
         if isinstance(message, CompressedImage):
             data = bytes(message.data)
-            as_it_is = data[:2] == b"\xff\xd8" and not is_mosaic(message.format)
-            return stamp_ns, data if as_it_is else bgr_of_compressed(self._topic, message).pixels
+            return stamp_ns, data if is_plain_jpeg(data, message.format) else bgr_of_compressed(self._topic, message).pixels
         self.connection.bayer = bayer_pattern(message.encoding)
         if self.connection.bayer:
             message.encoding = "mono8"

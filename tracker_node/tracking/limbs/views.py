@@ -67,25 +67,24 @@ class LimbViews:
         if told_joints:
             self.told()
             return [_doubt(width, 0, 1.0) for width in px_per_m * self._widths_m]
-        self._flat_sets = np.where(self._seen_by_one(evidence), self._flat_sets + 1, 0)
-        seeing = max(int(np.count_nonzero(evidence.expected.any(axis=1))), 1)
-        there = (self._masks @ evidence.expected.T).sum(axis=1) / seeing
+        samples = self._masks @ evidence.expected.T  # (n_limbs, n_cameras)
+        of_body = evidence.expected.sum(axis=1)
+        self._flat_sets = np.where(self._seen_by_one(samples, of_body), self._flat_sets + 1, 0)
+        there = samples.sum(axis=1) / max(int(np.count_nonzero(of_body)), 1)
         self._most = np.maximum(self._most, there)
         in_view = np.where(found < _CLEAR, there / np.maximum(self._most, 1.0), 1.0)
         in_view[0] = 1.0  # the trunk is where the limbs are
         rows = zip((px_per_m * self._widths_m).tolist(), self._flat_sets.tolist(), in_view.tolist(), strict=True)
         return [_doubt(*row) for row in rows]
 
-    def _seen_by_one(self, evidence: PartEvidence) -> np.ndarray:
+    def _seen_by_one(self, samples: np.ndarray, of_body: np.ndarray) -> np.ndarray:
         """(n_limbs,) mask of limbs of which one camera alone sees enough: bent towards it, they look as bent away from it.
 
         The trunk is where the whole body is.
         """
-        if len(self._masks) == 1:  # the poses of things that look alike are found one by one
+        if len(samples) == 1:  # the poses of things that look alike are found one by one
             return np.zeros(1, dtype=np.bool_)
-        samples = self._masks @ evidence.expected.T
-        samples[0] = evidence.expected.sum(axis=1)
-        samples = np.sort(np.hstack([np.zeros((len(samples), 1)), samples]), axis=1)
+        samples = np.sort(np.hstack([np.zeros((len(samples), 1)), np.vstack([of_body, samples[1:]])]), axis=1)
         return samples[:, -2] < np.maximum(_LEAST_IN_SECOND, _SECOND_VIEW * samples[:, -1])
 
 
