@@ -105,7 +105,7 @@ def test_without_people_nothing_is_known_and_somebody_who_comes_is_found():
 
 def test_a_lost_body_is_found_by_points_after_two_sets():
     """It is somewhere else at once: for two sets nobody believes that, then it is the body."""
-    made, elsewhere = tracker(true(0)), 1.5
+    made, elsewhere = tracker(true(0)), 0.8
     for i in range(4):
         assert made.step(shot(i)).status is Status.TRACKING
     statuses = []
@@ -116,6 +116,19 @@ def test_a_lost_body_is_found_by_points_after_two_sets():
         assert (crops == [()] * 3) is (estimate.status is Status.LOST)
     assert statuses == [Status.LOST, Status.LOST, Status.TRACKING, Status.TRACKING]
     assert off_m(estimate.state, true(7, elsewhere)).mean() < 0.03
+
+
+def test_who_is_found_far_from_where_a_body_was_a_moment_ago_is_somebody_else():
+    """Somebody walks by who hides it, and is found alone; then it is found again. A second later it may be anybody."""
+    for hidden, back_at in ((12, 0.0), (40, 1.5)):
+        made = tracker(true(0))
+        for i in range(4):
+            made.step(shot(i))
+        alone = [made.step(shot(i, people(i, 1.5))) for i in range(4, 4 + hidden)]
+        assert {estimate.status for estimate in alone[:28]} == {Status.LOST}
+        both = [(*one, *other) for one, other in zip(people(4 + hidden), people(4 + hidden, 1.5), strict=True)]
+        again = made.step(shot(4 + hidden, both))
+        assert again.status is Status.TRACKING and off_m(again.state, true(4 + hidden, back_at)).mean() < 0.03
 
 
 def test_a_few_sets_without_people_are_bridged():

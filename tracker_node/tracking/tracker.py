@@ -46,6 +46,7 @@ _MOST_AGAIN = 1  # image sets that are fitted again where points come late, of t
 _CLEARLY = 0.05  # fraction of its log-likelihood ratio by which another place has to be better than one that is not lost
 _OF_A_TURN = 1.0 / 6.0  # that maps the body onto itself: standard deviation, beyond which it may have been turned by it
 _SAME_PLACE_M = 0.5  # between two roots, within which it may be the same body otherwise posed
+_NEAR_M, _AWAY_NS = 1.0, 1_000_000_000  # of where a body was seen last, for how long, it is; only then it may be whoever is found
 
 
 @dataclass(eq=False)
@@ -56,7 +57,7 @@ class _Track:
     image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
     since it was found in which a limb was lost; None: there was one without. ``spoiled``: a camera that is left out now has shown
     another moment until then. ``turned``: why it may be turned otherwise, of a body that looks the same then. ``doubt``: variance
-    of its turn that has added up since it was TRACKING, radians^2.
+    of its turn that has added up since it was TRACKING, radians^2. ``seen``: stamp and place of its root when it was not LOST last.
     """
 
     engine: AnyEngine
@@ -69,6 +70,7 @@ class _Track:
     spoiled: bool = False
     turned: str = ""
     doubt: float = 0.0
+    seen: tuple[int, np.ndarray] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,7 +373,7 @@ class Tracker:
             self._go_back(self._late.since(image_set))
             people = self._late.in_time(image_set)
         if self._initializer is not None:
-            self._begin_where_found(people)
+            self._begin_where_found(people, image_set.stamp_ns)
             by_points = self.config.modalities == (KEYPOINTS,)  # which tell poses apart by people alone
             found = None if by_points else self._reinitialized(self._initializer, images, image_set)
             if found is not None:
@@ -497,19 +499,25 @@ class Tracker:
             return replace(assessment, status=Status.DEGRADED, reason=track.turned)
         return assessment
 
-    def _begin_where_found(self, people: PeopleSeen) -> bool:
+    def _begin_where_found(self, people: PeopleSeen, stamp_ns: int) -> bool:
         """Begin where a detector has found a body that is not known, LOST, or bent by images of another moment; whether it has.
 
-        One that is not lost is near where it was, whoever else is found.
+        One that is not lost, or was not a moment ago, is near where it was, whoever else is found.
         """
         track = self._track
-        here = None if track.start is None or track.lost >= _LOST_SETS else track.start.T_world_root[:3, 3]
-        if self._late is None or not (here is None or track.spoiled):
+        known = track.start is not None and track.lost < _LOST_SETS
+        if self._late is None or (known and not track.spoiled):
             return False
-        begin = track.engine.find(people, self._near if here is None else here)
-        if begin is None or (here is not None and np.linalg.norm(begin.T_world_root[:3, 3] - here) > _SAME_PLACE_M):
+        here, within_m = self._near, np.inf
+        if known:
+            here, within_m = track.start.T_world_root[:3, 3], _SAME_PLACE_M
+        elif track.seen is not None and stamp_ns - track.seen[0] < _AWAY_NS:
+            here, within_m = track.seen[1], _NEAR_M
+        begin = track.engine.find(people, here)
+        if begin is None or (here is not None and np.linalg.norm(begin.T_world_root[:3, 3] - here) > within_m):
             return False
         self._restart(begin)
+        self._track.seen = track.seen
         return True
 
     def _go_back(self, past: list[PastSet]) -> None:
@@ -518,7 +526,7 @@ class Tracker:
             return
         assert self._late is not None
         oldest, kept = past[0], replace(self._track, motion=copy(self._track.motion))
-        begun = self._initializer is not None and self._begin_where_found(oldest.people)
+        begun = self._initializer is not None and self._begin_where_found(oldest.people, oldest.image_set.stamp_ns)
         if not begun and oldest.motion.predict(oldest.image_set.stamp_ns) is not None:
             self._track.motion, begun = copy(oldest.motion), True
         if begun:
@@ -648,6 +656,7 @@ class Tracker:
             any_lost = lost or any(limb.status is LimbStatus.LOST for limb in assessment.limbs)
             track.unproven = track.unproven + 1 if any_lost else None
         if not lost:
+            track.seen = stamp_ns, state.T_world_root[:3, 3]
             if assessment.jumped:
                 track.motion.restart(stamp_ns, state)
             else:
