@@ -1,4 +1,4 @@
-"""Runs in which something is wrong on purpose: a limb at the start, left and right, the person, a limb that is hidden."""
+"""Runs in which something is wrong on purpose: a limb or all of the start, left and right, the person, a limb that is hidden."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from tracker_node.tracking.limbs.tree import limbs_of
 _LEAST_OFF_M, _TRIES = 0.25, 500  # of the end of a limb that is put wrong
 _BEYOND, _MARGIN_M = 0.5, 0.12  # a cover reaches beyond the limb's end by this share of its last bone, and this far around
 _GRAY, _NOISE = 110.0, 6.0
-_WRONG, _SWAPPED, _HIDDEN = "wrong start", "swapped", "hidden"
-_WRONG_SETS, _HIDDEN_SETS, _COVERED = 25, 30, (8, 22)
+_WRONG, _SWAPPED, _HIDDEN, _LATER = "wrong start", "swapped", "hidden", "start of another moment"
+_WRONG_SETS, _HIDDEN_SETS, _LATER_SETS, _COVERED = 25, 30, 12, (8, 22)
 _DISTURBED = 0.2
 AS_FOUND, EXCHANGED, REPLACED = 0, 1, 2
 """What was done to a detection."""
@@ -240,3 +240,8 @@ def disturbed_runs(
         tried = track(clip, _HIDDEN, config, with_people, clip.start(first), sets, first)
         covers = [covers_of(clip, int(limb), row) if row in covered else [None] * len(clip.rig) for row in rows]
         yield tried, limbs_shown(clip, rows, covers), Decisions()
+    for quarter in range(1, 2 if args.quick else 4):
+        first = quarter * len(clip) // 4
+        rows = range(first, min(first + _LATER_SETS, len(clip)))
+        tried = track(clip, _LATER, config, replayed(run.people[first:]), start, map(clip.image_set, rows), first)
+        yield tried, limbs_shown(clip, tried.rows), Decisions()

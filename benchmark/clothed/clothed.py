@@ -11,10 +11,11 @@ alone, which finds the body in its own images, over all clips and cameras; ``_fl
 ``mpjpe12_mm``, ``offset_free12_mm``: mean error of 12 joints, raw, and without one constant offset a joint in the world.
 
 ``clothed.wrong_called_tracking``, ``right_called_lost``: fractions of the limb-sets that are wrong (end joint more than 150 mm
-off) or right: together and contours as above, and together with a limb put wrong at the start, with a fifth of the detections
-disturbed, with a limb behind a board in all cameras. ``right_called_tracking``: of the right ones of which the true pose shows
-more than half; what other people and things hide is not known and counts as shown. ``within_2_sigma``: offset-free errors of
-points and contours together, axis by axis; ``least``, ``largest`` of the 12 joints. ``together_over_best``: the worst clip.
+off) or right: together and contours as above, and together with a limb put wrong at the start, with a start of another moment,
+with a fifth of the detections disturbed, with a limb behind a board in all cameras. ``right_called_tracking``: of the right ones
+of which the true pose shows more than half; what other people and things hide is not known and counts as shown.
+``within_2_sigma``: offset-free errors of points and contours together, axis by axis; ``least``, ``largest`` of the 12
+joints. ``together_over_best``: the worst clip.
 ``points.swaps_wrong``: a fifth of the detections have left and right exchanged, or are of a person of another clip; fraction of
 the images in which sides, or the person, are then taken wrong. ``start_clothed``: starts from random image sets, processor time
 of networks and tracker until the first state; success where five sets later no joint is more than 150 mm off, and the mean no

@@ -20,7 +20,7 @@ from helpers.bodies.detected_people import (
 )
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.errors import TrackerError
-from tracker_node.geometry import se3
+from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.keypoints import COCO_17
 from tracker_node.observation.image_set import ImageSet
@@ -121,14 +121,40 @@ def test_a_lost_body_is_found_by_points_after_two_sets():
 def test_who_is_found_far_from_where_a_body_was_a_moment_ago_is_somebody_else():
     """Somebody walks by who hides it, and is found alone; then it is found again. A second later it may be anybody."""
     for hidden, back_at in ((12, 0.0), (40, 1.5)):
-        made = tracker(true(0))
-        for i in range(4):
+        made, end = tracker(true(0)), 8 + hidden
+        for i in range(8):
             made.step(shot(i))
-        alone = [made.step(shot(i, people(i, 1.5))) for i in range(4, 4 + hidden)]
+        alone = [made.step(shot(i, people(i, 1.5))) for i in range(8, end)]
         assert {estimate.status for estimate in alone[:28]} == {Status.LOST}
-        both = [(*one, *other) for one, other in zip(people(4 + hidden), people(4 + hidden, 1.5), strict=True)]
-        again = made.step(shot(4 + hidden, both))
-        assert again.status is Status.TRACKING and off_m(again.state, true(4 + hidden, back_at)).mean() < 0.03
+        both = [(*one, *other) for one, other in zip(people(end), people(end, 1.5), strict=True)]
+        again = made.step(shot(end, both))
+        assert again.status is Status.TRACKING and off_m(again.state, true(end, back_at)).mean() < 0.03
+
+
+@pytest.mark.parametrize("turned", [1.5, np.pi])
+def test_a_given_state_that_is_turned_about_is_so_for_two_sets(turned):
+    """As where that of another moment is given."""
+    there = true(0)
+    about = se3.from_rotation_translation(so3.exp(np.array([0.0, 0.0, turned])), np.zeros(3))
+    T = about @ there.T_world_root
+    T[:3, 3] = there.T_world_root[:3, 3]
+    made = tracker(State(T, there.joint_positions))
+    estimates = [made.step(shot(i)) for i in range(5)]
+    assert [estimate.status is Status.TRACKING for estimate in estimates] == [False] * 2 + [True] * 3
+    assert "points of half of the cameras contradict it" in estimates[0].status_reason
+    assert errors(estimates)[2:].max() < 0.03
+
+
+def test_a_detector_that_exchanges_left_and_right_in_half_of_the_cameras_does_no_harm():
+    rig = circle_rig(4)
+    made = tracker(rig=rig)
+    for i in range(30):
+        rng = np.random.default_rng(i)
+        found = seen_by(rig, true(i), rng, 1.0)
+        lists = [(swapped(person) if i > 3 and k < 2 else person,) for k, person in enumerate(found)]
+        estimate = made.step(image_set(rig, lists, round(i * PERIOD_NS), SMALL))
+        assert off_m(estimate.state, true(i)).mean() < 0.03, i
+    assert estimate.status is Status.TRACKING
 
 
 def test_a_few_sets_without_people_are_bridged():

@@ -113,6 +113,19 @@ class Finds(Protocol):
         """
         ...
 
+    def otherwise(self, people: PeopleSeen, state: State) -> State | None:
+        """How the body stands, where the points of half of the cameras have contradicted its states for some image sets.
+
+        Parameters
+        ----------
+        people, state : whom a detector has found, by camera; where the body is taken to be.
+
+        Returns
+        -------
+        None where it is as it is taken to be, or nothing suits clearly better.
+        """
+        return None
+
 
 class Claims(Protocol):
     """Says who of the people in the images may be the body, where several bodies are followed."""
@@ -199,6 +212,11 @@ class Choice(Finds, Claims, Protocol):
     @property
     def is_of_another_size(self) -> bool:
         """Whether the body cannot be the person's."""
+        ...
+
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether points of half of the cameras contradict it, and `otherwise` has not yet been asked why."""
         ...
 
     def reset(self) -> None:
@@ -423,6 +441,9 @@ class Engine(AnyEngine):
     def claims(self, people: PeopleSeen, expected: State) -> list[np.ndarray]:
         return [] if self.choice is None else self.choice.claims(people, expected)
 
+    def otherwise(self, people: PeopleSeen, state: State) -> State | None:
+        return None if self.choice is None else self.choice.otherwise(people, state)
+
     def candidates(self, people: PeopleSeen, near: np.ndarray | None = None) -> list[tuple[State, float]]:
         return [] if self.choice is None else self.choice.candidates(people, near)
 
@@ -444,6 +465,8 @@ class Engine(AnyEngine):
             assessment = _denied(assessment)
         if self.choice is not None and (doubt := self.choice.doubt_of_size):
             assessment = _doubted(assessment, doubt, self.choice.is_of_another_size)
+        if self.choice is not None and self.choice.is_contradicted:
+            assessment = _doubted(assessment, "points of half of the cameras contradict it", True)
         self._weights = assessment.part_weights
         self.solver.remember(fit, assessment)
         return assessment
@@ -472,7 +495,7 @@ class InformationOf(Protocol):
 
 
 def _doubted(assessment: Assessment, doubt: str, certain: bool) -> Assessment:
-    """Of a body of another size than the person's: why it is in trouble, and that it is where the size is far out."""
+    """Of a body that points speak against: why it is in trouble, and that it is where that is certain."""
     if assessment.status is Status.TRACKING and not certain:
         return assessment
     status = Status.DEGRADED if assessment.status is Status.TRACKING else assessment.status

@@ -57,7 +57,7 @@ class _Track:
     image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
     since it was found in which a limb was lost; None: there was one without. ``spoiled``: a camera that is left out now has shown
     another moment until then. ``turned``: why it may be turned otherwise, of a body that looks the same then. ``doubt``: variance
-    of its turn that has added up since it was TRACKING, radians^2. ``seen``: stamp and place of its root when it was not LOST last.
+    of its turn that has added up since it was TRACKING, radians^2. ``seen``: stamp and place of its root when it was last held.
     """
 
     engine: AnyEngine
@@ -500,20 +500,21 @@ class Tracker:
         return assessment
 
     def _begin_where_found(self, people: PeopleSeen, stamp_ns: int) -> bool:
-        """Begin where a detector has found a body that is not known, LOST, or bent by images of another moment; whether it has.
+        """Begin where a detector has found a body that is not known, LOST, otherwise than it seemed, or bent by images of another
+        moment; whether it has.
 
         One that is not lost, or was not a moment ago, is near where it was, whoever else is found.
         """
         track = self._track
-        known = track.start is not None and track.lost < _LOST_SETS
-        if self._late is None or (known and not track.spoiled):
+        known = track.start if track.lost < _LOST_SETS else None
+        if self._late is None:
             return False
         here, within_m = self._near, np.inf
-        if known:
-            here, within_m = track.start.T_world_root[:3, 3], _SAME_PLACE_M
+        if known is not None:
+            here, within_m = known.T_world_root[:3, 3], _SAME_PLACE_M
         elif track.seen is not None and stamp_ns - track.seen[0] < _AWAY_NS:
             here, within_m = track.seen[1], _NEAR_M
-        begin = track.engine.find(people, here)
+        begin = track.engine.find(people, here) if known is None or track.spoiled else track.engine.otherwise(people, known)
         if begin is None or (here is not None and np.linalg.norm(begin.T_world_root[:3, 3] - here) > within_m):
             return False
         self._restart(begin)
@@ -656,7 +657,8 @@ class Tracker:
             any_lost = lost or any(limb.status is LimbStatus.LOST for limb in assessment.limbs)
             track.unproven = track.unproven + 1 if any_lost else None
         if not lost:
-            track.seen = stamp_ns, state.T_world_root[:3, 3]
+            if track.held >= _HELD_SETS:
+                track.seen = stamp_ns, state.T_world_root[:3, 3]
             if assessment.jumped:
                 track.motion.restart(stamp_ns, state)
             else:

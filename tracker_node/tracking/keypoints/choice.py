@@ -25,7 +25,9 @@ _SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from 
 # detector being right, which swaps of up to sixty images outweigh
 _SURE_JUMP, _RIGHT = 30.0, 0.5
 _ALONE_SETS = 5  # after which nothing is left of what several cameras said of swaps
-_TURNED_SETS = 4  # in a row in which more than two thirds of several cameras show a body exchanged: it is the body that is turned
+_CONTRADICTED_SETS = 3  # in a row in which half of several cameras show a body exchanged, or only others: no detector errs so...
+_AGAIN_SETS = 12  # of those, more, until that is asked again
+_OTHERWISE = 0.7  # ...and it stands otherwise than it was taken to, if points cost less than that of what they cost as it stands
 # Left and right of single joints: standard deviation of points of a person around where they are expected; from how many of them
 # costs grow linearly; log-likelihood ratio from which a joint is exchanged, as one in fifty images has it
 _PAIR_M, _PAIR_FAR, _PAIR_LEAST = 0.05, 3.0, 4.0
@@ -56,7 +58,8 @@ class PersonChoice(Choice):
     def restart(self) -> None:
         """The body begins anew, and left and right of nobody are known."""
         self._denies: bool | None = None  # whether people were seen but not the body, when a detector has looked last
-        self._denied, self._counted_ns, self._alone_sets, self._turned_sets = 0, -1, 0, 0
+        self._denied, self._counted_ns, self._alone_sets = 0, -1, 0
+        self._contradicted_sets = 1  # nothing speaks for the body yet
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
         self._before: list[np.ndarray | None] = [None] * len(self._rig)  # pixels of the body's points in the image before
 
@@ -81,7 +84,10 @@ class PersonChoice(Choice):
         elif all(looked):
             self._alone_sets += 1
         self._denies = not any(chosen) and any(self._is_somebody(person) for persons in people for person in persons or ())
-        chosen = self._with_pairs(self._as_found(chosen), places)
+        against = [self._contradicts(i, *each) for i, each in enumerate(zip(chosen, people, strict=True))]
+        contradicted = sum(map(bool, people)) > 1 and 2 * sum(against) >= sum(map(bool, people))
+        self._contradicted_sets = self._contradicted_sets + 1 if contradicted else 0
+        chosen = self._with_pairs(chosen, places)
         self._proportions.look(chosen)
         return chosen
 
@@ -95,15 +101,30 @@ class PersonChoice(Choice):
         """Whether the body cannot be the person's."""
         return self._proportions.is_out
 
-    def _as_found(self, chosen: list[Person | None]) -> list[Person | None]:
-        """As they were found, if nearly all cameras have shown a body exchanged: a detector does not err so, a pose may."""
-        ways = [self._swaps[i] > 0.0 for i, person in enumerate(chosen) if person is not None]
-        self._turned_sets = self._turned_sets + 1 if len(ways) > 1 and 3 * sum(ways) > 2 * len(ways) else 0
-        if self._turned_sets <= _TURNED_SETS:
-            return chosen
-        return [
-            mirrored(person) if person is not None and self._swaps[i] > 0.0 else person for i, person in enumerate(chosen)
-        ]
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether half of the cameras have shown the body exchanged, or only others."""
+        return self._contradicted_sets > 1
+
+    def otherwise(self, people: PeopleSeen, state: State) -> State | None:
+        """The nearest state in which the body may begin, if points suit it clearly better."""
+        if self._contradicted_sets < _CONTRADICTED_SETS:
+            return None
+        self._contradicted_sets = -_AGAIN_SETS
+        found = next((found for found, _ in self._start.candidates(people, state.T_world_root[:3, 3])), None)
+        return None if found is None or self._cost(people, found) > _OTHERWISE * self._cost(people, state) else found
+
+    def _cost(self, people: PeopleSeen, state: State) -> float:
+        """What each point costs near a state, of whoever suits it best in each camera."""
+        places, suited = self._modality.places(state), []
+        for i, persons in enumerate(people):
+            person, as_found, exchanged = self._best(i, persons or (), places, -np.inf)
+            suited.append(mirrored(person) if person is not None and exchanged > as_found else person)
+        return self._start.cost(state, suited)
+
+    def _contradicts(self, i: int, person: Person | None, persons: tuple[Person, ...] | None) -> bool:
+        """Whether a camera shows the body exchanged, or others only."""
+        return self._swaps[i] > 0.0 if person is not None else any(map(self._is_somebody, persons or ()))
 
     def _is_somebody(self, person: Person) -> bool:
         """Whether points were found at all: detectors of one body send it in every image, without any where it is hidden."""
@@ -175,23 +196,31 @@ class PersonChoice(Choice):
 
     def _chosen(self, i: int, persons: tuple[Person, ...], places: np.ndarray) -> Person | None:
         """Who is the body in a camera."""
-        camera, best, most = self._rig.cameras[i], None, -np.inf
-        pixels, seen = camera.project(places)
-        sigma_px = self._sigma_px(i, places, _EXPECTED_M)
-        alone = len(self._rig) == 1 or self._alone_sets > _ALONE_SETS
-        swap = self._swaps[i] * _SWAP_KEPT + _SWAP_PRIOR * (1.0 - _SWAP_KEPT)
-        for person in persons:
-            as_found, exchanged, sure = self._either_way(person, pixels, seen, sigma_px)
-            if max(as_found, exchanged) > max(most, _LEAST * sure):
-                most, best = max(as_found, exchanged), person
-                odds = float(np.clip(swap + exchanged - as_found, -10.0, 10.0))
+        best, as_found, exchanged = self._best(i, persons, places, _LEAST)
         if best is None:
             self._before[i] = None
             return None
-        if alone:
-            odds = self._by_image_before(i, best, 0.5 * sigma_px)
+        if len(self._rig) == 1 or self._alone_sets > _ALONE_SETS:
+            odds = self._by_image_before(i, best, 0.5 * self._sigma_px(i, places, _EXPECTED_M))
+        else:
+            swap = self._swaps[i] * _SWAP_KEPT + _SWAP_PRIOR * (1.0 - _SWAP_KEPT)
+            odds = float(np.clip(swap + exchanged - as_found, -10.0, 10.0))
         self._swaps[i], self._before[i] = odds, best.pixels[rows_of(best.names, self._modality.names)]
         return mirrored(best) if odds > 0.0 else best
+
+    def _best(
+        self, i: int, persons: tuple[Person, ...], places: np.ndarray, least: float
+    ) -> tuple[Person | None, float, float]:
+        """Who suits the body best in a camera, of those who do by ``least`` a sure point; `_either_way` of the points."""
+        pixels, seen = self._rig.cameras[i].project(places)
+        sigma_px, most = self._sigma_px(i, places, _EXPECTED_M), -np.inf
+        best: tuple[Person | None, float, float] = None, 0.0, 0.0
+        for person in persons:
+            as_found, exchanged, sure = self._either_way(person, pixels, seen, sigma_px)
+            suits = max(as_found, exchanged)
+            if suits > most and (suits > least * sure or least == -np.inf):
+                most, best = suits, (person, as_found, exchanged)
+        return best
 
     def _by_image_before(self, i: int, person: Person, sigma_px: float) -> float:
         """Log odds of a swap, the best sequences compared, in a camera that is alone: points that jump from side to side tell it.

@@ -114,6 +114,19 @@ class PointStart:
         tried = [self._either_way(group) for group in groups if group.count >= _LEAST_SEEN * groups[0].count]
         return self._suitable(tried, near)
 
+    def cost(self, state: State, persons: Persons) -> float:
+        """What each point costs at best near a state.
+
+        Parameters
+        ----------
+        state, persons : where the body may be; who is the body, by camera.
+
+        Returns
+        -------
+        In information units, as of `candidates`.
+        """
+        return _cost_of_a_point(self._fit(state, persons))
+
     def _alone(self, people: PeopleSeen, near: np.ndarray | None, least: float) -> list[tuple[State, float]]:
         """The `candidates` by the only camera that sees anybody, if any does; people with a score of ``least``."""
         i, persons = next(((i, persons) for i, persons in enumerate(people) if persons), (0, ()))
@@ -148,10 +161,7 @@ class PointStart:
             if _share(_weights(best)[points]) < _REACHED:  # one that is bent far is not reached from the neutral pose
                 best = min(best, self._fit(self._bent(best.state, limb), group.persons), key=_cost)
         best = self._with_sides(best, list(group.persons))
-        weights = _weights(best)
-        if _share(weights) < _LEAST_INLIERS:
-            return None
-        return best.state, best.equations.cost / max(int((weights >= 0.0).sum()), 1)
+        return None if _share(_weights(best)) < _LEAST_INLIERS else (best.state, _cost_of_a_point(best))
 
     def _with_sides(self, best: Fit, persons: list[Person | None]) -> Fit:
         """The best with left and right exchanged in single cameras, of those that disagree with the others."""
@@ -203,6 +213,10 @@ def _share(weights: np.ndarray) -> float:
 
 def _cost(fit: Fit) -> float:
     return fit.equations.cost if np.isfinite(fit.equations.cost) else np.inf
+
+
+def _cost_of_a_point(fit: Fit) -> float:
+    return _cost(fit) / max(int((_weights(fit) >= 0.0).sum()), 1)
 
 
 def _apart_m(one: State, other: State) -> float:
