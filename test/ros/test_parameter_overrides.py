@@ -38,10 +38,10 @@ def test_integers_become_floating_point_where_that_is_meant(make):
 
 
 def test_names_that_nobody_has_are_refused(make):
-    overrides.refuse_unknown(make(rate=8.0, use_sim_time=True), ["rate"])
-    overrides.refuse_unknown(make(qos_overrides__x=1), [])
+    overrides.refuse_unknown(make(rate=8.0, use_sim_time=True), ["rate"], [])
+    overrides.refuse_unknown(make(qos_overrides__x=1), [], [])
     with pytest.raises(UnknownNameError, match=r"parameter.*'rat'"):
-        overrides.refuse_unknown(make(rat=8.0), ["rate"])
+        overrides.refuse_unknown(make(rat=8.0), ["rate"], [])
 
 
 @pytest.mark.parametrize(("policy", "value"), [("depth", 1), ("history", "keep_all"), ("reliability", "best_effort")])
@@ -112,6 +112,7 @@ def test_what_a_file_says_of_all_nodes_may_be_for_others(make, tmp_path, content
     node, ros_args = make(threads=2, region__inlier_px=3), ["--ros-args", "--params-file", str(file)]
     if not unknown:
         overrides.refuse_undeclared(node, ros_args)
+        overrides.refuse_unknown(node, ["rate"], ros_args)
         return
     with pytest.raises(UnknownNameError, match=f"'{unknown}'"):
         overrides.refuse_undeclared(node, ros_args)

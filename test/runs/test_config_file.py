@@ -30,6 +30,40 @@ tracker:
     assert load(tmp_path, ros) == plain
 
 
+SECTIONS = {
+    "/**": {"/tracker", "/lab/tracker", "/lab/anna"},
+    "tracker": {"/tracker", "/lab/tracker"},
+    "/tracker": {"/tracker"},
+    "'*'": {"/tracker"},
+    "/lab/*": {"/lab/tracker", "/lab/anna"},
+    "lab/anna": {"/lab/anna"},
+    "/**/tracker": {"/tracker", "/lab/tracker"},
+    "/lab/**": {"/lab/tracker", "/lab/anna"},
+    "/la?/anna": set(),
+}
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+@pytest.mark.parametrize("node", ["/tracker", "/lab/tracker", "/lab/anna"])
+def test_sections_are_the_nodes_that_their_patterns_name(tmp_path, name, node):
+    file = tmp_path / "tracker.yaml"
+    file.write_text(f"{name}:\n  ros__parameters: {{threads: 3}}\n")
+    if node in SECTIONS[name]:
+        assert load_config(file, node).threads == 3
+    else:
+        with pytest.raises(FileFormatError, match=f"expected one of {node}, or a pattern such as /\\*\\*, got"):
+            load_config(file, node)
+
+
+def test_names_of_nodes_may_be_within_namespaces(tmp_path):
+    file = tmp_path / "tracker.yaml"
+    file.write_text("lab:\n  anna:\n    ros__parameters: {threads: 3}\n  bert:\n    ros__parameters: {threads: 5}\n")
+    assert load_config(file, "/lab/bert").threads == 5
+    file.write_text("lab:\n  anna:\n    ros__parameters: {threads: 3}\n  bert: 5\n")
+    with pytest.raises(FileFormatError, match="'lab/bert'"):
+        load_config(file, "/lab/bert")
+
+
 def test_everything_comes_back(tmp_path):
     config = TrackerConfig(threads=7)
     dump_config(config, tmp_path / "c.yaml")

@@ -25,6 +25,7 @@ from tracker_node.loaders.model.state_yaml import load_state
 from tracker_node.loaders.motion.trajectory_file import read_joints, read_states
 from tracker_node.loaders.rig.rig_yaml import load_rig, read_rig_file, write_rig_file
 from tracker_node.model.configuration import Configuration
+from tracker_node.runs import recorded_sets
 from tracker_node.runs.config_file import load_config
 from tracker_node.runs.messages import IMAGE, image
 from tracker_node.runs.offline import OfflineRun
@@ -168,7 +169,7 @@ def test_a_recorded_run_is_made_again_set_by_set(clip: Clip, tmp_path: Path) -> 
     assert first["image_sets"] == N_IMAGES * 3 // 4
     recorded = image_bag(clip, tmp_path / "recorded", with_states_of=tmp_path / "first/bag")
     second = run_offline(offline_run(clip, bag=recorded, from_run=True), tmp_path / "second")
-    assert (second["errors"], second["sets_not_made_again"]) == ([], 0)
+    assert (second["errors"], second["notes"], second["sets_not_made_again"]) == ([], [], 0)
     assert (tmp_path / "second/states.csv").read_bytes() == (tmp_path / "first/states.csv").read_bytes()
     everything = run_offline(offline_run(clip, bag=recorded), tmp_path / "everything")
     assert everything["image_sets"] == N_IMAGES
@@ -189,13 +190,23 @@ def test_a_loop_is_made_again_pass_by_pass(clip: Clip, tmp_path: Path) -> None:
     assert twice.tobytes() == np.vstack([once, once]).tobytes()
 
 
-def test_a_run_without_images_is_made_again_from_the_sources(clip: Clip, tmp_path: Path) -> None:
+def test_a_run_without_images_is_made_again_from_the_sources(
+    clip: Clip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And differs where it began otherwise."""
+    monkeypatch.setattr(recorded_sets, "_SAME_M", 0.0)
     options = SourceOptions(base_stamp_ns=BASE_NS, start=2)
     run_offline(offline_run(clip, images=options), tmp_path / "first")
     again = offline_run(clip, bag=tmp_path / "first/bag", from_run=True, images=SourceOptions(start=2))
     summary = run_offline(again, tmp_path / "second")
-    assert (summary["errors"], summary["image_sets"]) == ([], N_IMAGES - 2)
+    assert (summary["errors"], summary["notes"], summary["image_sets"]) == ([], [], N_IMAGES - 2)
     assert (tmp_path / "second/states.csv").read_bytes() == (tmp_path / "first/states.csv").read_bytes()
+    assert again.initial_state is not None
+    T = again.initial_state.T_world_root.copy()
+    T[0, 3] += 0.5
+    restarted = replace(again, initial_state=replace(again.initial_state, T_world_root=T))
+    (note,) = run_offline(restarted, tmp_path / "restarted")["notes"]
+    assert "states differ from the recorded ones from 0.00 s on" in note
     wrong = replace(again, images=SourceOptions(rate_hz=25.0))
     with pytest.raises(SourceError, match="not those of the rig's sources"):
         run_offline(wrong, tmp_path / "third")

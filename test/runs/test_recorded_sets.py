@@ -11,11 +11,14 @@ from helpers.cameras.camera_rigs import circle_rig
 from helpers.sources.bag_samples import PERIOD_NS, START_NS, header, image, tracked_state
 from tracker_node.camera.rig import CameraRig
 from tracker_node.errors import SourceError
+from tracker_node.geometry import se3
 from tracker_node.loaders.bag.message_types import typestore
 from tracker_node.loaders.bag.reader import BagReader
 from tracker_node.loaders.bag.writer import BagWriter
 from tracker_node.loaders.images.source import SourceOptions
+from tracker_node.model.configuration import State
 from tracker_node.runs.recorded_sets import RecordedRunStream, RecordedSet, recorded_set
+from tracker_node.tracking.estimate import Status
 
 NAMES = ("cam01", "cam02")
 
@@ -57,6 +60,26 @@ def made_again(path):
 
 def at(k: int) -> int:
     return START_NS + k * PERIOD_NS
+
+
+def estimate(stamp_ns: int, off_m: float = 0.0, status: Status = Status.TRACKING):
+    place = tracked_state(stamp_ns).root_pose.position
+    T = se3.from_rotation_translation(np.eye(3), np.array([place.x + off_m, place.y, place.z]))
+    return SimpleNamespace(stamp_ns=stamp_ns, status=status, state=State(T, np.empty(0)))
+
+
+def test_states_that_differ_from_the_recorded_ones_are_told(tmp_path):
+    """As after a tracker was restarted: a bag does not say so."""
+    path = bag(tmp_path / "bag", [(at(k), at(k), 0) for k in range(4)], [("cam01", at(k), 10) for k in range(4)])
+    with BagReader(path) as reader:
+        stream = RecordedRunStream(small_rig(), reader)
+        stream.compare(estimate(at(0), 0.0005))
+        stream.compare(estimate(at(1), 3.0, Status.INITIALIZING))
+        assert stream.difference == ""
+        stream.compare(estimate(at(2), 0.02))
+        stream.compare(estimate(at(3), 0.01))
+    after_s = 2e-9 * PERIOD_NS
+    assert stream.difference.startswith(f"states differ from the recorded ones from {after_s:.2f} s on, by up to 20 mm: was the")
 
 
 def test_sets_come_in_the_order_of_the_states_with_their_own_images(tmp_path):
@@ -141,13 +164,13 @@ def test_images_of_another_size_are_told_once_and_not_used(tmp_path):
     [(5, (5, 0), (("cam01", 5),)), (0, (0, 0), (("cam01", 0), ("cam02", 0))), (1, (0, 0), ())],
 )
 def test_stamp_0_says_no_image_but_in_a_set_at_0(stamp_ns, stamps, kept):
-    assert recorded_set(state(stamp_ns, *stamps)) == RecordedSet(stamp_ns, kept)
+    assert recorded_set(state(stamp_ns, *stamps)) == RecordedSet(stamp_ns, kept, root=(1.0, 2.0, 3.0))
 
 
 def test_a_set_before_0_has_images_at_0():
     message = SimpleNamespace(
         header=SimpleNamespace(stamp=SimpleNamespace(sec=-1, nanosec=5 * 10**8)), cameras=["cam01"],
-        camera_stamps=[SimpleNamespace(sec=0, nanosec=0)],
+        camera_stamps=[SimpleNamespace(sec=0, nanosec=0)], status=Status.INITIALIZING, root_pose=tracked_state(0).root_pose,
     )  # fmt: skip
     assert recorded_set(message) == RecordedSet(-(5 * 10**8), (("cam01", 0),))
 

@@ -42,28 +42,37 @@ def integers_as_doubles(node: Node, names: Collection[str]) -> None:
             overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(overrides[name].value))
 
 
-def refuse_unknown(node: Node, known: Collection[str]) -> None:
-    """Refuse names of parameters that the node does not have; before anything is declared.
+def refuse_unknown(node: Node, known: Collection[str], ros_args: Sequence[str]) -> None:
+    """Refuse names of parameters given to a node at its start that it does not have.
+
+    What a file says of all nodes may be for others.
 
     Parameters
     ----------
     node : with its overrides.
     known : names.
+    ros_args : of its process, behind ``--ros-args``.
 
     Raises
     ------
     UnknownNameError : a name that is not ``known``.
+    FileFormatError : a file of parameters that cannot be read.
     """
     known = {*known, *_ROS_OWN}
-    for name in overrides_of(node):
-        if name not in known and not name.startswith(_QOS_PREFIX):
+    unknown = [name for name in overrides_of(node) if name not in known and not name.startswith(_QOS_PREFIX)]
+    if not unknown:
+        return
+    files = [path for option, path in pairwise(ros_args) if option == "--params-file"]
+    of_all = set[str]().union(*(_said_of_all(read_mapping(path), "") for path in files))
+    for name in unknown:
+        if name not in of_all:
             raise UnknownNameError("parameter", name, _nearest(name, known))
 
 
 def refuse_undeclared(node: Node, ros_args: Sequence[str]) -> None:
-    """Refuse names given to a node at its start that it has not declared; to be called when it has declared all.
+    """`refuse_unknown` of what a node has not declared; to be called when it has declared all.
 
-    What a file says of all nodes may be for others, as is what a pipeline gives to all of its processes.
+    What a pipeline gives to all of its processes may be for others, too.
 
     Parameters
     ----------
@@ -75,15 +84,8 @@ def refuse_undeclared(node: Node, ros_args: Sequence[str]) -> None:
     UnknownNameError : a name of which the node has no parameter.
     FileFormatError : a file of parameters that cannot be read.
     """
-    known = {*node._parameters, *_ROS_OWN}
-    unknown = [name for name in overrides_of(node) if name not in known and not name.startswith(_QOS_PREFIX)]
-    if not unknown or PARENT_VARIABLE in os.environ:
-        return
-    files = [path for option, path in pairwise(ros_args) if option == "--params-file"]
-    of_all = set[str]().union(*(_said_of_all(read_mapping(path), "") for path in files))
-    for name in unknown:
-        if name not in of_all:
-            raise UnknownNameError("parameter", name, _nearest(name, {one for one in known if not one.startswith(_QOS_PREFIX)}))
+    if PARENT_VARIABLE not in os.environ:
+        refuse_unknown(node, node._parameters, ros_args)
 
 
 def _said_of_all(content: Mapping[str, Any], node: str) -> set[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,22 +28,34 @@ from ..tracking.renamed import CHOICES, RENAMED, REPRESENTATIONS, flat
 _ROS_KEY = "ros__parameters"
 # Parameters that rclpy gives every node; they mean nothing to the core.
 _ROS_OWN = ("use_sim_time", "qos_overrides", "start_type_description_service")
-_NODE = ("/**", "tracker", "/tracker")
+_NODE = "/tracker"
 
 
-def load_config(path: str | Path) -> TrackerConfig:
-    """Tracker configuration of a plain parameter file, or of the node ``tracker`` in one of ROS; what the file leaves out has its
-    default.
+def load_config(path: str | Path, node: str = _NODE) -> TrackerConfig:
+    """Tracker configuration of a plain parameter file, or of a node in one of ROS; what the file leaves out has its default.
+
+    Parameters
+    ----------
+    path : of the file.
+    node : its name, with its namespace.
+
+    Returns
+    -------
+    The configuration.
 
     Raises
     ------
-    FileFormatError : naming file and parameter, the range or the choices, and the value.
+    FileFormatError : naming file and parameter, the range or the choices, and the value; no section is the node's.
     """
-    return from_dict(load_parameters(path), str(path))
+    return from_dict(load_parameters(path, node), str(path))
 
 
 def config_for(
-    path: str | Path | None, model: ArticulatedModel, has_points: bool = False, tell: Callable[[str], None] = warnings.warn
+    path: str | Path | None,
+    model: ArticulatedModel,
+    has_points: bool = False,
+    tell: Callable[[str], None] = warnings.warn,
+    node: str = _NODE,
 ) -> TrackerConfig:
     """`load_config` for a body whose points a run finds or has; ``modalities`` that the file leaves out suit it.
 
@@ -56,6 +68,7 @@ def config_for(
     model : the body.
     has_points : the run is given points, whatever the body is.
     tell : called with why people go without points.
+    node : name of the tracker, with its namespace.
 
     Returns
     -------
@@ -65,7 +78,7 @@ def config_for(
     ------
     FileFormatError : as `load_config`.
     """
-    source, values = (str(path), load_parameters(path)) if path else ("tracker config", {})
+    source, values = (str(path), load_parameters(path, node)) if path else ("tracker config", {})
     if "modalities" in values or not (has_points or is_person(model)):
         return from_dict(values, source)
     if not has_points:
@@ -88,21 +101,28 @@ def dump_config(config: TrackerConfig, path: str | Path) -> None:
     _write_parameters(flatten(config), path, "Parameters of the tracker.")
 
 
-def load_parameters(path: str | Path) -> dict[str, Any]:
-    """Parameters of a file, nested as they stand there: a plain mapping, or the parameter file of a ROS node.
+def load_parameters(path: str | Path, node: str = _NODE) -> dict[str, Any]:
+    """Parameters of a file, nested as they stand there: a plain mapping, or the parameter file of ROS nodes.
 
-    That may hold sections for several nodes: those named ``/**``, ``tracker`` or ``/tracker`` are taken, a later one over an
-    earlier one.
+    That may hold sections for several nodes. Those of the node are taken, by name or by pattern (``*`` is one part of a name, ``**``
+    any number), a later one over an earlier one. A name without a slash counts in every namespace.
+
+    Parameters
+    ----------
+    path : of the file.
+    node : the node's name, with its namespace.
+
+    Returns
+    -------
+    The parameters; of a file for other nodes there are none.
 
     Raises
     ------
-    FileFormatError : naming file and section.
+    FileFormatError : naming file and section; all sections are for trackers of other names.
     """
     values = read_mapping(path)
     check_kind(values, PARAMETERS, path)
-    if any(isinstance(section, dict) and _ROS_KEY in section for section in values.values()):
-        return _ros_parameters(values, path)
-    return values
+    return _ros_parameters(dict(_sections(values, path)), node, path) if _is_of_ros(values) else values
 
 
 def _write_parameters(parameters: Mapping[str, Any], path: str | Path, comment: str) -> None:
@@ -110,17 +130,42 @@ def _write_parameters(parameters: Mapping[str, Any], path: str | Path, comment: 
     write_mapping({"/**": {_ROS_KEY: nested(parameters, str(path))}}, path, comment)
 
 
-def _ros_parameters(values: dict[str, Any], path: str | Path) -> dict[str, Any]:
+def _ros_parameters(sections: Mapping[str, Any], node: str, path: str | Path) -> dict[str, Any]:
+    own = {name: section for name, section in sections.items() if _is_of(node, name)}
+    if not own:
+        raise FileFormatError(path, "(sections)", f"one of {node}, or a pattern such as /**", ", ".join(sections))
     merged: dict[str, Any] = {}
-    for name, section in values.items():
-        if not isinstance(section, dict) or set(section) != {_ROS_KEY}:
-            raise FileFormatError(path, str(name), f"a section with {_ROS_KEY} only", section)
-        parameters = section[_ROS_KEY]
-        if not isinstance(parameters, dict):
-            raise FileFormatError(path, f"{name}.{_ROS_KEY}", "a mapping", parameters)
-        if name in _NODE:
-            _merge(merged, {key: value for key, value in parameters.items() if key not in _ROS_OWN})
+    for section in own.values():
+        _merge(merged, {key: value for key, value in section.items() if key not in _ROS_OWN})
     return merged
+
+
+def _sections(values: Mapping[str, Any], path: str | Path, within: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Those of a ROS file, by the names of nodes, which may be within namespaces; none of a plain mapping."""
+    for key, section in values.items():
+        name = f"{within}/{key}" if within else str(key)
+        if not _is_of_ros(section) or (_ROS_KEY in section and len(section) > 1):
+            raise FileFormatError(path, name, f"a section with {_ROS_KEY} only", section)
+        if _ROS_KEY not in section:
+            yield from _sections(section, path, name)
+        elif isinstance(section[_ROS_KEY], dict):
+            yield name, section[_ROS_KEY]
+        else:
+            raise FileFormatError(path, f"{name}.{_ROS_KEY}", "a mapping", section[_ROS_KEY])
+
+
+def _is_of_ros(section: Any) -> bool:
+    """Whether a mapping has parameters of a ROS node somewhere."""
+    return isinstance(section, dict) and (_ROS_KEY in section or any(map(_is_of_ros, section.values())))
+
+
+def _is_of(node: str, name: str) -> bool:
+    """Whether a section is a node's, by name or by pattern; a name without a slash counts in every namespace."""
+    if "/" not in name and "*" not in name:
+        return name == node.rpartition("/")[2]
+    any_number, one = r"(/[^/]+)*", "[^/]+"
+    parts = (any_number if part == "**" else "/" + re.escape(part).replace(r"\*", one) for part in name.strip("/").split("/"))
+    return re.fullmatch("".join(parts), node) is not None
 
 
 def _merge(target: dict[str, Any], source: dict[str, Any]) -> None:

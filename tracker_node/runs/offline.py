@@ -263,6 +263,9 @@ def run_together(
             if joint_states is not None and (note := joint_states.note):
                 tell(note)
                 (stream.errors if joint_states.unused else stream.notes).append(note)
+            if isinstance(stream, RecordedRunStream) and stream.difference:
+                tell(stream.difference)
+                stream.notes.append(stream.difference)
             if bodies.turned_away:
                 tell(bodies.turned_away)
                 stream.notes.append(bodies.turned_away)
@@ -524,6 +527,8 @@ def _track(
             stream.notes += _without_colors(image_set, run.config)
         worst = loop.step(image_set)
         followers.take(together, loop.tracked_set or image_set)
+        if isinstance(stream, RecordedRunStream) and len(together.estimates) == 1 and not run.asked.get("config"):
+            stream.compare(next(iter(together.estimates.values())))
         if progress is not None:
             progress(n, min((sets for sets in (stream.n_expected, run.max_sets) if sets), default=None), worst)
         if run.max_sets is not None and n >= run.max_sets:

@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..camera.rig import CameraRig
 from ..errors import SourceError
 from ..loaders.bag.images import only_topic
@@ -13,11 +15,14 @@ from ..loaders.bag.message_types import TRACKED_STATE, stamp_ns_of
 from ..loaders.bag.reader import BagReader
 from ..loaders.images.source import ImageSource, SourceOptions
 from ..observation.image_set import CameraImage, ImageSet
+from ..tracking.estimate import Status, TrackEstimate
 from .image_sets import ImageSetStream, bag_images, merged_images, opened_sources, topics_with_images
 from .load import state_messages
 from .messages import CAMERA_INFO
 from .messages.people import with_people
 from .people.recorded import BagPoints
+
+_SAME_M = 0.001  # states made again are the same to the last bit on one machine
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,7 @@ class RecordedSet:
     stamp_ns: int
     images: tuple[tuple[str, int], ...]  # camera, stamp
     points: tuple[tuple[str, int], ...] = ()  # camera, stamp of the image that they were found in
+    root: tuple[float, float, float] | None = None  # where the body was, meters, world; None: there was no state yet
 
 
 class RecordedRunStream(ImageSetStream):
@@ -58,6 +64,9 @@ class RecordedRunStream(ImageSetStream):
         with_points = {key for recorded in self.sets for key in recorded.points}
         self._points = BagPoints(reader, with_points) if with_points else None
         self.incomplete_sets = 0
+        self._to_compare = iter(self.sets)
+        self._differs_from_ns: int | None = None
+        self._most_m = 0.0
         if reader.recovered:
             self.errors.append(f"bag {reader.path} is unfinished: {reader.problem}")
         if options is None:
@@ -73,6 +82,25 @@ class RecordedRunStream(ImageSetStream):
     @property
     def counters(self) -> dict[str, dict[str, int]]:
         return {camera: {"received": self._read[camera], "used": self._used[camera]} for camera in self.rig.names}
+
+    @property
+    def difference(self) -> str:
+        """How the estimates that were compared differ from the recorded ones, for people; empty where they do not."""
+        if self._differs_from_ns is None or self.incomplete_sets:  # which is told already
+            return ""
+        after_s, most_mm = (self._differs_from_ns - self.sets[0].stamp_ns) * 1e-9, 1000.0 * self._most_m
+        told = f"states differ from the recorded ones from {after_s:.2f} s on, by up to {most_mm:.0f} mm"
+        return f"{told}: was the tracker restarted then, or given other parameters? Or is it another body, start, or version?"
+
+    def compare(self, estimate: TrackEstimate) -> None:
+        """To be told of each estimate that is made as the recorded ones were."""
+        root = next((recorded.root for recorded in self._to_compare if recorded.stamp_ns == estimate.stamp_ns), None)
+        if root is None or not estimate.status.has_state:
+            return
+        apart_m = float(np.linalg.norm(estimate.state.T_world_root[:3, 3] - root))
+        self._most_m = max(self._most_m, apart_m)
+        if apart_m > _SAME_M and self._differs_from_ns is None:
+            self._differs_from_ns = estimate.stamp_ns
 
     def __iter__(self) -> Iterator[ImageSet]:
         waiting = list(reversed(self.sets))
@@ -176,4 +204,7 @@ def recorded_set(message) -> RecordedSet:
     pairs = [(camera, stamp_ns_of(stamp)) for camera, stamp in zip(message.cameras, message.camera_stamps, strict=True)]
     images = tuple((camera, ns) for camera, ns in pairs if ns or stamp_ns <= 0)
     used = zip(getattr(message, "keypoint_cameras", ()), getattr(message, "keypoint_stamps", ()), strict=True)
-    return RecordedSet(stamp_ns, images, tuple((camera, stamp_ns_of(stamp)) for camera, stamp in used))
+    points = tuple((camera, stamp_ns_of(stamp)) for camera, stamp in used)
+    place = message.root_pose.position
+    root = (place.x, place.y, place.z) if Status(message.status).has_state else None
+    return RecordedSet(stamp_ns, images, points, root)

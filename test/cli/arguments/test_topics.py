@@ -7,7 +7,7 @@ import pytest
 
 from helpers.cameras.camera_rigs import circle_rig
 from tracker_node.camera.rig import CameraRig
-from tracker_node.cli.arguments.cameras import camera_topic, with_topics
+from tracker_node.cli.arguments.cameras import camera_topic, tracker_name, with_topics
 from tracker_node.errors import FileFormatError, UnknownNameError
 from tracker_node.loaders.rig.rig_yaml import load_rig, rig_file_of, write_rig_file
 
@@ -52,3 +52,13 @@ def test_the_rig_file_keeps_the_topic(tmp_path):
     (tmp_path / "rig.yaml").write_text(text.replace("/front/image_color", "front image"))
     with pytest.raises(FileFormatError, match=r"topic.*/front/image_raw"):
         load_rig(tmp_path / "rig.yaml")
+
+
+@pytest.mark.parametrize(("ros_args", "own", "others"), [
+    ("", "/tracker", "/tracker"),
+    ("-r __node:=anna -r __ns:=/lab", "/lab/anna", "/lab/tracker"),
+    ("-p a:=1 --remap tracker:__name:=anna -r keypoints:__ns:=/x --ros-args -r __ns:=/", "/anna", "/tracker"),
+    ("-r __ns:=/a/b -r __ns:=/c", "/a/b/tracker", "/a/b/tracker"),
+])  # fmt: skip
+def test_the_name_of_a_tracker_is_what_rules_of_remapping_make_it(ros_args, own, others):
+    assert tracker_name(ros_args.split()) == own and tracker_name(ros_args.split(), renamed=False) == others

@@ -65,6 +65,23 @@ def with_topics(ros_args: list[str], rig: CameraRig | None, given: Mapping[str, 
     return [*ros_args, "--ros-args", *(part for rule in rules for part in ("-r", rule)), "--"] if rules else ros_args
 
 
+def tracker_name(ros_args: Sequence[str], renamed: bool = True) -> str:
+    """Of a tracker, with its namespace, as rules of remapping give it: ``-r __node:=anna -r __ns:=/lab`` -> "/lab/anna".
+
+    Parameters
+    ----------
+    ros_args : as given.
+    renamed : they are the tracker's own; False: those of another node beside it.
+
+    Returns
+    -------
+    name : beginning with a slash.
+    """
+    given = [re.fullmatch(r"(?:tracker:)?__(node|name|ns):=(\S+)", text) for text in reversed(ros_args)]  # the first rule counts
+    names = {"ns" if rule[1] == "ns" else "node": rule[2] for rule in given if rule}
+    return f"{names.get('ns', '').rstrip('/')}/{names.get('node', 'tracker') if renamed else 'tracker'}"
+
+
 def add_sources_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sources",

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..arguments.cameras import add_topics_argument, with_topics
+from ..arguments.cameras import add_topics_argument, tracker_name, with_topics
 
 if TYPE_CHECKING:
     from ...observation.keypoints.blazepose import BlazePose
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     from ...tracking.config import TrackerConfig
 
     rig = load_rig(args.rig)
-    config = load_config(args.config) if args.config else TrackerConfig()
+    config = load_config(args.config, tracker_name(args.ros_args, renamed=False)) if args.config else TrackerConfig()
     files = usable_weights(args.weights)
 
     def make() -> BlazePose:

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..arguments.cameras import with_topics
+from ..arguments.cameras import tracker_name, with_topics
 from ..arguments.recording import add_recording_argument, by_body, evaluation_of, fill_in
 from ..arguments.runs import named_options, nothing_tracked
 from ..arguments.verbs import run_verb
@@ -193,14 +193,14 @@ def _checked_files(rig, args: argparse.Namespace, recording: RecordingFile | Non
         load_model(args.occluders)
     load_backgrounds(rig)
     if entry is not None:
-        return load_config(args.config) if args.config else USUAL
+        return load_config(args.config, tracker_name(args.ros_args)) if args.config else USUAL
     table = args.keypoints_table
     if table:
         load_keypoint_table(table, models[0])
     if (table or (args.keypoints != "off" and all(map(is_person, models)))) and not _chosen_by_ros(args):
         said = partial(print, "pipeline:", file=sys.stderr, flush=True)
-        return config_for(args.config, models[0], table is not None, said)
-    return load_config(args.config) if args.config else TrackerConfig()
+        return config_for(args.config, models[0], table is not None, said, tracker_name(args.ros_args))
+    return load_config(args.config, tracker_name(args.ros_args)) if args.config else TrackerConfig()
 
 
 def _chosen_by_ros(args: argparse.Namespace) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..arguments.cameras import add_topics_argument, with_topics
+from ..arguments.cameras import add_topics_argument, tracker_name, with_topics
 
 if TYPE_CHECKING:
     from threading import Event
@@ -142,7 +142,7 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
     return TrackerOptions(
         rig=rig.subset(args.cameras) if args.cameras else rig,
         model=model,
-        config=load_config(config) if config else usual,
+        config=load_config(config, tracker_name(args.ros_args)) if config else usual,
         initial_state=state if first is None else first.initial_state,
         bodies=bodies,
         joining=joining,
@@ -151,6 +151,7 @@ def tracker_options(args: argparse.Namespace, rig: CameraRig, inbox: InboxOption
         joint_states=args.joint_states,
         inbox=inbox,
         calibration_from_topics=args.calibration == "camera_info",
+        ros_args=args.ros_args,
     )
 
 

@@ -70,6 +70,7 @@ class TrackerNode(ManagedNode):
             cameras=options.rig.names,
             fixed=_fixed_parameters(options),
             check=self._check_change,
+            ros_args=options.ros_args,
         )
         fixed = self._parameters_of_node.fixed
         self._lossless, self._from_topics = bool(fixed["lossless"]), fixed["calibration"] == "camera_info"

@@ -41,6 +41,7 @@ class ConfigParameters:
     defaults : usually from a configuration file.
     cameras : all that may be in use; without any there is no parameter of that name.
     fixed : those that cannot be changed while the node runs.
+    ros_args : of the process, behind ``--ros-args``.
 
     Raises
     ------
@@ -56,6 +57,7 @@ class ConfigParameters:
         cameras: Sequence[str] = (),
         fixed: Mapping[str, FixedParameter] | None = None,
         check: Callable[[TrackerConfig, tuple[str, ...]], None] = lambda config, cameras: None,
+        ros_args: Sequence[str] = (),
     ):
         self._node, self._on_change, self._check = node, on_change, check
         self._source = f"parameters of {node.get_name()}"
@@ -64,7 +66,7 @@ class ConfigParameters:
         start = chosen(defaults or TrackerConfig(), given, self._source)
         self._refuse_others(start, given)
         self._described = describe(start)
-        refuse_unknown(node, {*self._described, *fixed, *([_CAMERAS] if cameras else [])})
+        refuse_unknown(node, {*self._described, *fixed, *([_CAMERAS] if cameras else [])}, ros_args)
         check_qos_overrides(node)
         values = {name: self._declare_field(name, default) for name, default in flatten(start).items()}
         self.config = from_dict(values, self._source)

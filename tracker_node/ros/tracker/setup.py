@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -63,6 +63,7 @@ class TrackerOptions:
     calibration_from_topics : lenses come from ``<cam>/camera_info`` instead of the rig, which gives the places only.
     autostart : configure and activate without being asked.
     make_tracker : what tracks; by default the `Tracker`.
+    ros_args : of the process, behind ``--ros-args``.
     """
 
     rig: CameraRig
@@ -78,6 +79,7 @@ class TrackerOptions:
     calibration_from_topics: bool = False
     autostart: bool = True
     make_tracker: Callable[[CameraRig, ArticulatedModel, TrackerConfig, State | None], Steppable] | None = None
+    ros_args: Sequence[str] = ()
 
     @property
     def several(self) -> bool:
