@@ -41,6 +41,11 @@ def test_truth_of_two_kinds_and_its_lag(run, folder):
     assert both["lag_images"] == 0.0 and both["dof_max.elbow_flexion_deg"] == 0.0
     with pytest.raises(TrackerError, match="expected one file with joints"):
         evaluate(run, [folder / "truth.csv", folder / "truth.csv"])
+    for lag in ("auto", float("nan")):
+        with pytest.raises(ValueError, match="lag_images: expected a number of images, or None to estimate it, got"):
+            evaluate(run, folder / "truth.csv", lag_images=lag)
+    with pytest.raises(ValueError, match="align: expected one of auto, first, stamp, got 'last'"):
+        evaluate(run, folder / "truth.csv", align="last")
 
 
 @pytest.mark.parametrize(("name", "arguments", "options"), [

@@ -135,6 +135,7 @@ def evaluate(
     Raises
     ------
     FileFormatError : run and truth have no joint, or no time, in common.
+    ValueError : a lag that is no number, or another way to align.
 
     Examples
     --------

@@ -93,7 +93,7 @@ class Run:
         return motion_of_run(self.data, self.model)
 
     def states(self) -> pandas.DataFrame:
-        """States as a table, one row per image set, as ``states.csv`` has them.
+        """States as a table, one row per image set: part of ``states.csv``, by the names of the degrees of freedom.
 
         Returns
         -------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import TypeVar
 
 import numpy as np
@@ -36,6 +37,10 @@ class EvaluationOptions:
         ``stamp``, or the file's time 0 on image 0.
     image_sets : how many there should be; 0 takes what run and stamps say.
     cutoff_hz : of the filter of joint angles, or one of `motion.joint_motion.CUTOFFS`.
+
+    Raises
+    ------
+    ValueError : a lag that is no number, or another way to align.
     """
 
     name: str = "run"
@@ -44,6 +49,13 @@ class EvaluationOptions:
     image_sets: int = 0
     first_image: int = 0
     cutoff_hz: float | str = AUTO
+
+    def __post_init__(self) -> None:
+        lag = self.lag_images
+        if lag is not None and not (isinstance(lag, Real) and np.isfinite(float(lag))):
+            raise ValueError(f"lag_images: expected a number of images, or None to estimate it, got {lag!r}")
+        if self.align not in ALIGNMENTS:
+            raise ValueError(f"align: expected one of {', '.join(ALIGNMENTS)}, got {self.align!r}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -104,8 +104,8 @@ def dump_config(config: TrackerConfig, path: str | Path) -> None:
 def load_parameters(path: str | Path, node: str = _NODE) -> dict[str, Any]:
     """Parameters of a file, nested as they stand there: a plain mapping, or the parameter file of ROS nodes.
 
-    That may hold sections for several nodes. Those of the node are taken, by name or by pattern (``*`` is one part of a name, ``**``
-    any number), a later one over an earlier one. A name without a slash counts in every namespace.
+    That may hold sections for several nodes. Those of the node are taken, by name or by pattern (``*`` is one part of a name,
+    ``**`` any number), a later one over an earlier one. A name without a slash counts in every namespace.
 
     Parameters
     ----------

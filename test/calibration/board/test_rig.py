@@ -138,6 +138,15 @@ def test_a_lens_alone_is_that_of_opencv(kind):
         np.testing.assert_allclose(found.lens.distortion[:4], distortion.ravel()[:4], atol=0.02)
 
 
+def test_a_lens_of_another_board_or_that_is_hardly_known_is_not_to_be_used():
+    seen = [corners_seen(ring(1, ["plumb_bob"]), n=200, noise_px=noise_px)["cam1"].views for noise_px in (0.3, 6.0)]
+    assert calibrate_lens("cam1", CHARUCO, seen[0], (1280, 800)).doubt == ""
+    doubt = calibrate_lens("cam1", CHARUCO, seen[0][:6], (1280, 800)).doubt
+    assert "show the board in more places, and tilted in other ways" in doubt
+    with pytest.raises(CalibrationError, match=r"fit to \d\.\d px only: is it the board you gave, and a lens of plumb_bob\?"):
+        calibrate_lens("cam1", CHARUCO, seen[1], (1280, 800))
+
+
 def test_cameras_that_do_not_hang_together_are_named():
     seen = corners_seen(ring(4, ["plumb_bob"]), n=120)
     for name in ("cam3", "cam4"):  # their clock is another day's
@@ -157,6 +166,9 @@ def test_boards_and_views_that_do_not_do_are_refused():
         calibrate_rig(CHARUCO, {"cam1": seen["cam1"]})
     with pytest.raises(CalibrationError, match=r"'cam1'.*at least 4 sharp images, got 3"):
         calibrate_lens("cam1", CHARUCO, seen["cam1"].views[:3], (1280, 800))
+    still = [replace(view, image=view.image + k) for k in range(30) for view in seen["cam1"].views[:1]]
+    with pytest.raises(CalibrationError, match="4 views of the board that are unlike, got 1 of 30"):
+        calibrate_lens("cam1", CHARUCO, still, (1280, 800))
     frontal = [replace(v, ids=np.arange(48), pixels=640.0 + (200 + 10 * i) * CHARUCO.corners[:, :2]) for i, v in
                enumerate(seen["cam1"].views[:8])]  # fmt: skip
     with pytest.raises(CalibrationError, match="parallel to the image"):

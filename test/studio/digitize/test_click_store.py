@@ -100,6 +100,17 @@ def test_the_rate_of_a_trc_file_is_that_of_the_digitized_instants(tmp_path):
     np.testing.assert_allclose(read.positions_m[read.valid[:, 0], 0], list(digitized.values()), atol=1e-6)
 
 
+def test_clicks_that_cannot_be_of_one_place_are_told(tmp_path):
+    store, place = ClickStore(tmp_path, RIG.names), np.array([0.0, 0.1, 0.8])
+    for stamp in (0, 40_000_000):
+        click_all(store, "first", stamp, "hip", place)
+    assert digitizing.contradictions(RIG, store) == []
+    pixel = store.clicked("first", 40_000_000)["left"]["hip"]
+    store.set_click("first", 40_000_000, "left", "hip", pixel + 80.0)
+    (told,) = digitizing.contradictions(RIG, store)
+    assert told.startswith("hip at 0.040 s by ") and told.endswith(" px")
+
+
 def test_nothing_is_saved_beside_a_file_of_somebody_else(tmp_path):
     store = ClickStore(tmp_path, RIG.names)
     click_all(store, "first", 0, "hip", np.array([0.0, 0.1, 0.8]))

@@ -12,9 +12,11 @@ from ...errors import CalibrationError
 from .adjustment import N_PLACE, BoardAdjustmentOptions, BoardObservations, BoardState, adjust_boards
 from .board import Board, BoardView
 from .start import board_poses, initial_lens
-from .views import BoardTimeStep, chosen
+from .views import BoardTimeStep, chosen, place_of
 
 LEAST_VIEWS = 4  # each gives two constraints to a lens of some five parameters and its distortion
+_UNLIKE = 0.05  # of the board's own size, by which a view must differ from others to say something of its own
+_MOST_PX, _KNOWN = 3.0, 0.03  # rms of a board that is the one meant; sigma of a focal length that means something, over that
 _FRONTAL_DEG = 5.0  # boards all within this of parallel to the image do not tell the focal length
 
 
@@ -39,6 +41,14 @@ class LensCalibration:
     def rms_px(self) -> float:
         squares = np.concatenate([(r**2).sum(axis=1) for r in self.residuals_px])
         return float(np.sqrt(squares.mean()))
+
+    @property
+    def doubt(self) -> str:
+        """Why it should not be used unseen; empty for one that is well known."""
+        focal_px, sigma_px = self.lens.K[0, 0], self.sigma[0]
+        if sigma_px <= _KNOWN * focal_px:
+            return ""
+        return f"the focal length is {focal_px:.0f} ± {sigma_px:.0f} px: show the board in more places, and tilted in other ways"
 
 
 def calibrate_lens(
@@ -66,10 +76,12 @@ def calibrate_lens(
 
     Raises
     ------
-    CalibrationError : too few views, or the board parallel to the image in all of them.
+    CalibrationError : too few views, all alike, or the board parallel to the image in all of them; corners that do not fit.
     """
     if len(views) < LEAST_VIEWS:
         raise CalibrationError(name, f"expected the board in at least {LEAST_VIEWS} sharp images, got {len(views)}")
+    if (unlike := _unlike(views)) < LEAST_VIEWS:
+        raise CalibrationError(name, f"expected {LEAST_VIEWS} views of the board that are unlike, got {unlike} of {len(views)}")
     used = [time_step.views[name] for time_step in chosen([BoardTimeStep({name: view}) for view in views], {}, most_views)]
     lens = initial_lens(board, used, image_size, distortion_model)
     used, poses = _posed(board, lens, used)
@@ -88,7 +100,11 @@ def calibrate_lens(
         state = BoardState.at(adjustment.state.lenses, np.eye(4)[None], adjustment.state.Ts_world_board[keep])
     noise = float(np.sqrt(np.concatenate(residuals).var()))
     sigma = noise * adjustment.sigmas[0][N_PLACE:]
-    return LensCalibration(state.lenses[0], sigma, tuple(used), tuple(outliers), tuple(residuals))
+    found = LensCalibration(state.lenses[0], sigma, tuple(used), tuple(outliers), tuple(residuals))
+    if found.rms_px > _MOST_PX:
+        asked = f"is it the board you gave, and a lens of {distortion_model}?"
+        raise CalibrationError(name, f"corners of the board fit to {found.rms_px:.1f} px only: {asked}")
+    return found
 
 
 def observations_of(views: Sequence[dict[int, BoardView]], stamps_ns: Sequence[int] | None = None) -> BoardObservations:
@@ -119,6 +135,17 @@ def outlying(rms_px: Sequence[float]) -> np.ndarray:
     """(n,) True for views whose error is far beyond what is usual: above four times the median, and a pixel."""
     rms = np.asarray(rms_px)
     return rms > max(1.0, 4.0 * float(np.median(rms)))
+
+
+def _unlike(views: Sequence[BoardView]) -> int:
+    """How many views are unlike each other; counting ends where they suffice."""
+    found: list[np.ndarray] = []
+    for place in map(place_of, views):
+        if all(np.linalg.norm(place - other) > _UNLIKE for other in found):
+            found.append(place)
+        if len(found) == LEAST_VIEWS:
+            break
+    return len(found)
 
 
 def _posed(board: Board, lens: CameraModel, views: Sequence[BoardView]) -> tuple[list[BoardView], np.ndarray]:

@@ -114,7 +114,7 @@ def chosen(time_steps: Sequence[BoardTimeStep], speed: Mapping[tuple[str, int], 
     names = sorted({name for time_step in time_steps for name in time_step.views})
     seen = np.array([[name in time_step.views for name in names] for time_step in time_steps])
     places = np.array(
-        [[_place(time_step.views[n]) if n in time_step.views else np.zeros(4) for n in names] for time_step in time_steps]
+        [[place_of(time_step.views[n]) if n in time_step.views else np.zeros(4) for n in names] for time_step in time_steps]
     )
     pace = np.array([[speed.get((n, i.views[n].image), np.nan) if n in i.views else np.nan for n in names] for i in time_steps])
     usual = float(np.nanmedian(pace)) if np.isfinite(pace).any() else 0.0
@@ -139,7 +139,7 @@ def chosen(time_steps: Sequence[BoardTimeStep], speed: Mapping[tuple[str, int], 
     return [time_steps[i] for i in sorted(taken)]
 
 
-def _place(view: BoardView) -> np.ndarray:
+def place_of(view: BoardView) -> np.ndarray:
     """(4,) where the board is in the image, how large and how tilted, in its own size."""
     size = max(view.spread_px, 1.0)
     offsets = (view.pixels - view.pixels.mean(axis=0)) / size

@@ -18,6 +18,7 @@ from ...loaders.rig.control_points import ControlPoints
 from .click_store import Clicked, ClickStore
 
 JOINTS_FILE, TRC_FILE = "joints.csv", "joints.trc"
+_MOST_PX = 10.0  # rms of clicks on one place
 
 
 def reconstruct(rig: CameraRig, clicked: Clicked, sigma_px: float = 1.0) -> dict[str, tuple[tuple[str, ...], ReconstructedPoint]]:
@@ -134,6 +135,25 @@ def _trajectories(rig: CameraRig, store: ClickStore) -> Trajectories:
         for name, (_, point) in of_set.items():
             positions[i, names.index(name)], valid[i, names.index(name)] = point.position_m, True
     return Trajectories(names, np.array(stamps, dtype=np.int64), positions, valid)
+
+
+def contradictions(rig: CameraRig, store: ClickStore) -> list[str]:
+    """Points whose clicks cannot be of one place, the worst first, for people.
+
+    Parameters
+    ----------
+    rig : all cameras.
+    store : the clicks.
+
+    Returns
+    -------
+    Point, image set and how far the clicks are off.
+    """
+    stamps = store.stamps_ns()
+    found = [(stamp_ns, name, point.rms_px) for stamp_ns in stamps
+             for name, (_, point) in reconstruct(rig, store.mean_clicks(stamp_ns)).items()]  # fmt: skip
+    apart = sorted((each for each in found if each[2] > _MOST_PX), key=lambda each: -each[2])
+    return [f"{name} at {1e-9 * (stamp_ns - stamps[0]):.3f} s by {rms_px:.0f} px" for stamp_ns, name, rms_px in apart]
 
 
 def save_trajectories(rig: CameraRig, store: ClickStore) -> list[Path]:

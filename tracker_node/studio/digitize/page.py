@@ -161,7 +161,8 @@ class DigitizePage:
         """Trajectories into the folder of the clicks."""
         with self._lock:
             written = digitizing.save_trajectories(self._rig, self._own_store)
-        return {"written": [str(path) for path in written]}
+            apart = digitizing.contradictions(self._rig, self._own_store)
+        return {"written": [str(path) for path in written], "contradictions": apart}
 
     def _point_sheet(self, asked: Asked, clicked: Clicked) -> dict[str, Any]:
         points = {

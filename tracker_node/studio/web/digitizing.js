@@ -267,7 +267,11 @@ function listen() {
   };
   byId("save").onclick = async () => {
     const answer = await attempt(() => request("/api/digitizing/save", asked()));
-    if (answer) say(answer.written.length ? `wrote ${answer.written.join(" and ")}` : "no point has two views yet");
+    if (!answer) return;
+    const wrote = answer.written.length ? `wrote ${answer.written.join(" and ")}` : "no point has two views yet";
+    const [first, ...more] = answer.contradictions;
+    if (first) say(`${wrote}, but clicks disagree: ${first}${more.length ? ` and ${more.length} more` : ""}`, "bad");
+    else say(wrote);
   };
   window.addEventListener("beforeunload", (event) => { if (waiting.length || sending) event.preventDefault(); });
 }

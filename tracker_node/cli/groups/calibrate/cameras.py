@@ -205,8 +205,11 @@ def _run_intrinsics(args: argparse.Namespace) -> int:
     pixels = {name: np.concatenate([view.pixels for view in lens.views]) for name, lens in found.items()}
     for note in coverage_notes(pixels, {name: camera.image_size for name, camera in seen.items()}):
         print(f"note: {note}")
+    doubts = [f"{name}: {lens.doubt}" for name, lens in found.items() if lens.doubt]
+    for doubt in doubts:
+        print(f"warning: {doubt}", file=sys.stderr)
     print(f"wrote {args.output}, {page} and {', '.join(map(str, files))}; places are still to be found (calibrate rig --lenses)")
-    return 1 if left_out else 0
+    return 1 if left_out or doubts else 0
 
 
 def _add_dlt_arguments(parser: argparse.ArgumentParser) -> None:
