@@ -24,6 +24,7 @@ from tracker_node.geometry import se3, so3
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.humans.keypoints import COCO_17
 from tracker_node.observation.image_set import ImageSet
+from tracker_node.tracking.assessment import Assessment
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status, TrackEstimate
 from tracker_node.tracking.keypoints.crops import crops_of
@@ -129,6 +130,18 @@ def test_who_is_found_far_from_where_a_body_was_a_moment_ago_is_somebody_else():
         both = [(*one, *other) for one, other in zip(people(end), people(end, 1.5), strict=True)]
         again = made.step(shot(end, both))
         assert again.status is Status.TRACKING and off_m(again.state, true(end, back_at)).mean() < 0.03
+
+
+def test_a_lost_body_that_points_have_led_far_away_is_somebody_else():
+    made, sets = tracker(true(0)), 8
+    for i in range(sets):
+        made.step(shot(i))
+    made._track.lost, found = 1, Assessment(Status.TRACKING, "")
+    for away_m, later_s, expected in ((0.8, 0.1, Status.TRACKING), (1.2, 0.1, Status.LOST), (1.2, 1.5, Status.TRACKING)):
+        stamp_ns = round(sets * PERIOD_NS + 1e9 * later_s)
+        assert made._unless_elsewhere(found, true(sets, away_m), stamp_ns).status is expected
+    made._track.lost = 0
+    assert made._unless_elsewhere(found, true(sets, 1.2), round(sets * PERIOD_NS)) is found
 
 
 @pytest.mark.parametrize("turned", [1.5, np.pi])

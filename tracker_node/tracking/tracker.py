@@ -57,7 +57,8 @@ class _Track:
     image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
     since it was found in which a limb was lost; None: there was one without. ``spoiled``: a camera that is left out now has shown
     another moment until then. ``turned``: why it may be turned otherwise, of a body that looks the same then. ``doubt``: variance
-    of its turn that has added up since it was TRACKING, radians^2. ``seen``: stamp and place of its root when it was last held.
+    of its turn that has added up since it was TRACKING, radians^2. ``seen``: stamp and place of its root when it was not LOST
+    last, once it was held.
     """
 
     engine: AnyEngine
@@ -71,6 +72,10 @@ class _Track:
     turned: str = ""
     doubt: float = 0.0
     seen: tuple[int, np.ndarray] | None = None
+
+    def seen_lately(self, stamp_ns: int) -> np.ndarray | None:
+        """(3,) meters, world: where the body was a moment ago."""
+        return self.seen[1] if self.seen is not None and stamp_ns - self.seen[0] < _AWAY_NS else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -437,6 +442,7 @@ class Tracker:
             assessment, information = Assessment(Status.INITIALIZING, problem), None
         else:
             assessment = self._with_turns(engine.assess(fit, image_set), prediction)
+            assessment = self._unless_elsewhere(assessment, fit.state, image_set.stamp_ns)
             track.log_ratio = assessment.log_ratio
             if assessment.noise:  # stay where the body was last, whatever the optimizer has made of noise
                 fit = at_state(fit, predicted)
@@ -499,6 +505,13 @@ class Tracker:
             return replace(assessment, status=Status.DEGRADED, reason=track.turned)
         return assessment
 
+    def _unless_elsewhere(self, assessment: Assessment, state: State, stamp_ns: int) -> Assessment:
+        """LOST, where points have led a body that was LOST to somebody else."""
+        seen = self._track.seen_lately(stamp_ns) if self._track.lost and self._late is not None else None
+        if seen is None or assessment.status is Status.LOST or np.linalg.norm(state.T_world_root[:3, 3] - seen) <= _NEAR_M:
+            return assessment
+        return replace(assessment, status=Status.LOST, reason=f"it was {_NEAR_M:.0f} m from here a moment ago")
+
     def _begin_where_found(self, people: PeopleSeen, stamp_ns: int) -> bool:
         """Begin where a detector has found a body that is not known, LOST, otherwise than it seemed, or bent by images of another
         moment; whether it has.
@@ -512,8 +525,8 @@ class Tracker:
         here, within_m = self._near, np.inf
         if known is not None:
             here, within_m = known.T_world_root[:3, 3], _SAME_PLACE_M
-        elif track.seen is not None and stamp_ns - track.seen[0] < _AWAY_NS:
-            here, within_m = track.seen[1], _NEAR_M
+        elif (seen := track.seen_lately(stamp_ns)) is not None:
+            here, within_m = seen, _NEAR_M
         begin = track.engine.find(people, here) if known is None or track.spoiled else track.engine.otherwise(people, known)
         if begin is None or (here is not None and np.linalg.norm(begin.T_world_root[:3, 3] - here) > within_m):
             return False
@@ -657,7 +670,7 @@ class Tracker:
             any_lost = lost or any(limb.status is LimbStatus.LOST for limb in assessment.limbs)
             track.unproven = track.unproven + 1 if any_lost else None
         if not lost:
-            if track.held >= _HELD_SETS:
+            if track.held >= _HELD_SETS or track.seen_lately(stamp_ns) is not None:
                 track.seen = stamp_ns, state.T_world_root[:3, 3]
             if assessment.jumped:
                 track.motion.restart(stamp_ns, state)

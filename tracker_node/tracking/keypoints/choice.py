@@ -25,7 +25,7 @@ _SWAP_KEPT = 0.7  # fraction of a camera's log odds of a swap that is kept from 
 # detector being right, which swaps of up to sixty images outweigh
 _SURE_JUMP, _RIGHT = 30.0, 0.5
 _ALONE_SETS = 5  # after which nothing is left of what several cameras said of swaps
-_CONTRADICTED_SETS = 3  # in a row in which half of several cameras show a body exchanged, or only others: no detector errs so...
+_CONTRADICTED_SETS = 3  # in a row in which half of several cameras show a body exchanged, or others only: no detector errs so...
 _AGAIN_SETS = 12  # of those, more, until that is asked again
 _OTHERWISE = 0.7  # ...and it stands otherwise than it was taken to, if points cost less than that of what they cost as it stands
 # Left and right of single joints: standard deviation of points of a person around where they are expected; from how many of them
@@ -59,7 +59,7 @@ class PersonChoice(Choice):
         """The body begins anew, and left and right of nobody are known."""
         self._denies: bool | None = None  # whether people were seen but not the body, when a detector has looked last
         self._denied, self._counted_ns, self._alone_sets = 0, -1, 0
-        self._contradicted_sets = 1  # nothing speaks for the body yet
+        self._contradicted_sets = _CONTRADICTED_SETS - 1  # nothing speaks for the body yet
         self._swaps = np.full(len(self._rig), _SWAP_PRIOR)
         self._before: list[np.ndarray | None] = [None] * len(self._rig)  # pixels of the body's points in the image before
 
@@ -84,9 +84,7 @@ class PersonChoice(Choice):
         elif all(looked):
             self._alone_sets += 1
         self._denies = not any(chosen) and any(self._is_somebody(person) for persons in people for person in persons or ())
-        against = [self._contradicts(i, *each) for i, each in enumerate(zip(chosen, people, strict=True))]
-        contradicted = sum(map(bool, people)) > 1 and 2 * sum(against) >= sum(map(bool, people))
-        self._contradicted_sets = self._contradicted_sets + 1 if contradicted else 0
+        self._contradicted_sets = self._contradicted_sets + 1 if self._contradict(chosen, people) else 0
         chosen = self._with_pairs(chosen, places)
         self._proportions.look(chosen)
         return chosen
@@ -103,12 +101,12 @@ class PersonChoice(Choice):
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether half of the cameras have shown the body exchanged, or only others."""
-        return self._contradicted_sets > 1
+        """Whether half of the cameras have shown the body exchanged, or more of them others only."""
+        return self._contradicted_sets >= _CONTRADICTED_SETS
 
     def otherwise(self, people: PeopleSeen, state: State) -> State | None:
         """The nearest state in which the body may begin, if points suit it clearly better."""
-        if self._contradicted_sets < _CONTRADICTED_SETS:
+        if self._contradicted_sets <= _CONTRADICTED_SETS:
             return None
         self._contradicted_sets = -_AGAIN_SETS
         found = next((found for found, _ in self._start.candidates(people, state.T_world_root[:3, 3])), None)
@@ -122,9 +120,13 @@ class PersonChoice(Choice):
             suited.append(mirrored(person) if person is not None and exchanged > as_found else person)
         return self._start.cost(state, suited)
 
-    def _contradicts(self, i: int, person: Person | None, persons: tuple[Person, ...] | None) -> bool:
-        """Whether a camera shows the body exchanged, or others only."""
-        return self._swaps[i] > 0.0 if person is not None else any(map(self._is_somebody, persons or ()))
+    def _contradict(self, chosen: list[Person | None], people: PeopleSeen) -> bool:
+        """Whether half of several cameras show the body exchanged, or more than half that or others only, who may hide it."""
+        exchanged = sum(person is not None and self._swaps[i] > 0.0 for i, person in enumerate(chosen))
+        seen = sum(person is not None for person in chosen)
+        pairs = zip(chosen, people, strict=True)
+        others = sum(person is None and any(map(self._is_somebody, persons or ())) for person, persons in pairs)
+        return seen + others > 1 and (2 * exchanged >= seen + others or 2 * (exchanged + others) > seen + others)
 
     def _is_somebody(self, person: Person) -> bool:
         """Whether points were found at all: detectors of one body send it in every image, without any where it is hidden."""
