@@ -114,11 +114,11 @@ def load_parameters(path: str | Path, node: str = _NODE) -> dict[str, Any]:
 
     Returns
     -------
-    The parameters; of a file for other nodes there are none.
+    The parameters.
 
     Raises
     ------
-    FileFormatError : naming file and section; all sections are for trackers of other names.
+    FileFormatError : naming file and section; no section is the node's.
     """
     values = read_mapping(path)
     check_kind(values, PARAMETERS, path)

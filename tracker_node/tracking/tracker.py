@@ -510,7 +510,9 @@ class Tracker:
         seen = self._track.seen_lately(stamp_ns) if self._track.lost and self._late is not None else None
         if seen is None or assessment.status is Status.LOST or np.linalg.norm(state.T_world_root[:3, 3] - seen) <= _NEAR_M:
             return assessment
-        return replace(assessment, status=Status.LOST, reason=f"it was {_NEAR_M:.0f} m from here a moment ago")
+        reason = f"a moment ago it was more than {_NEAR_M:.0f} m from here"
+        limbs = tuple(limb.doubted(reason) for limb in assessment.limbs)
+        return replace(assessment, status=Status.LOST, reason=reason, limbs=limbs)
 
     def _begin_where_found(self, people: PeopleSeen, stamp_ns: int) -> bool:
         """Begin where a detector has found a body that is not known, LOST, otherwise than it seemed, or bent by images of another

@@ -3,7 +3,6 @@
 import os
 import socket
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import pytest
 
 pytest.importorskip("rerun", reason="the extra rerun is not installed")
 
+import rerun_cli
 from tracker_msgs.msg import TrackedState
 
 from helpers.cameras import two_people
@@ -31,7 +31,7 @@ def viewer(tmp_path):
     file = tmp_path / "received.rrd"
     (tmp_path / ".config/rerun").mkdir(parents=True)
     (tmp_path / ".config/rerun/analytics.json").write_text('{"analytics_enabled": false}')
-    program = Path(sys.executable).parent / "rerun"
+    program = Path(rerun_cli.__file__).parent / "rerun"  # the one in bin/ starts this, and leaves it behind when it is ended
     options = ["--bind", "127.0.0.1", "--port", str(port), "--save", str(file)]
     process = subprocess.Popen([program, *options], env={**os.environ, "HOME": str(tmp_path)})
     until_s = time.monotonic() + 30.0
@@ -82,7 +82,9 @@ def test_a_viewer_gets_what_the_tracker_says(recording, probe, launch, viewer):
     body = ["--model", recording / "model.yaml", "--initial-state", recording / "state.yaml"]
     bridge = ["--connect", address, "--image-rate", "1000"]
     states, watching = follow(probe, launch, recording / "rig.yaml", body, bridge, {"": "tracker/state"})
-    time.sleep(1.0)
+    size = -1
+    while size != (size := received.stat().st_size):  # until nothing more comes
+        time.sleep(1.0)
     process.terminate()
     process.wait(30.0)
     file, model = RerunFile(received), load_model(recording / "model.yaml")
