@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri
+import scipy  # imports its modules when they are first used
 
 from ..model.configuration import State
 from ..model.kinematic_chain import N_ROOT_DOF
@@ -166,7 +166,7 @@ def _ball_points(n: int, seed: int) -> np.ndarray:
     uniform = scrambled_halton(n, 8, seed)
     points = np.empty((n, 6))
     for half in (0, 1):
-        direction = ndtri(np.clip(uniform[:, 4 * half : 4 * half + 3], 1e-9, 1.0 - 1e-9))
+        direction = scipy.special.ndtri(np.clip(uniform[:, 4 * half : 4 * half + 3], 1e-9, 1.0 - 1e-9))
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         points[:, 3 * half : 3 * half + 3] = direction * np.cbrt(uniform[:, 4 * half + 3 : 4 * half + 4])
     return points

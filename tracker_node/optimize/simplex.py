@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy  # imports its modules when they are first used
 
 from ..model.configuration import State
 from ..model.kinematic_chain import KinematicChain
@@ -84,7 +84,7 @@ def _run_stage(
     first = score_of(np.zeros(n))
     if not math.isfinite(first):
         return start, first, False
-    found = minimize(
+    found = scipy.optimize.minimize(
         score_of, np.zeros(n), method="Nelder-Mead",
         bounds=list(zip((space.lower[variables] - center) / scale, (space.upper[variables] - center) / scale, strict=True)),
         options={

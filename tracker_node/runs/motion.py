@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+import scipy  # imports its modules when they are first used
 
 from ..errors import FileFormatError
 from ..model.articulated import ArticulatedModel
@@ -224,5 +224,6 @@ def _between(times: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.nd
     """(k, n_dof) at ``wanted`` (k,), within ``times`` (n,) of ``values`` (n, n_dof)."""
     result = np.array([np.interp(wanted, times, column) for column in values.T]).T.reshape(len(wanted), values.shape[1])
     if len(times) > 1:
-        result[:, 3:6] = Slerp(times, Rotation.from_rotvec(values[:, 3:6]))(wanted).as_rotvec()
+        turns = scipy.spatial.transform.Rotation.from_rotvec(values[:, 3:6])
+        result[:, 3:6] = scipy.spatial.transform.Slerp(times, turns)(wanted).as_rotvec()
     return result

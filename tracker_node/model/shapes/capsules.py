@@ -17,8 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
-from scipy.spatial import cKDTree
+import scipy  # imports its modules when they are first used
 
 from .primitives import (
     END,
@@ -137,7 +136,7 @@ _LEAST_ROOM = 0.98  # fraction of its radius that the surface must leave a round
 class _Room:
     """What the surface leaves: samples of it, and the box about them (which counts where samples are far apart, in a wire)."""
 
-    surface: cKDTree
+    surface: scipy.spatial.cKDTree
     low: np.ndarray
     high: np.ndarray
 
@@ -197,8 +196,8 @@ def _cells(corners: np.ndarray, low: np.ndarray, high: np.ndarray, closed: bool)
     cell = size / counts
     surface = np.zeros(counts, dtype=bool)
     surface[_cells_of(_samples((corners - low) / cell, _SPACING), counts)] = True
-    filled = ndimage.binary_fill_holes(surface) if closed else _filled(surface)
-    deep = ndimage.binary_erosion(filled, np.ones((3, 3, 3)))
+    filled = scipy.ndimage.binary_fill_holes(surface) if closed else _filled(surface)
+    deep = scipy.ndimage.binary_erosion(filled, np.ones((3, 3, 3)))
     centers = low + (np.argwhere((filled & ~surface) | deep) + 0.5) * cell
     return centers, _Room(_tree(corners, deep, low, cell), low, high)
 
@@ -207,7 +206,7 @@ def _cells_of(points: np.ndarray, counts: npt.ArrayLike) -> tuple[np.ndarray, ..
     return tuple(np.clip(points.astype(int), 0, np.subtract(counts, 1)).T)
 
 
-def _tree(corners: np.ndarray, deep: np.ndarray, low: np.ndarray, cell: np.ndarray) -> cKDTree:
+def _tree(corners: np.ndarray, deep: np.ndarray, low: np.ndarray, cell: np.ndarray) -> scipy.spatial.cKDTree:
     """Samples for distances, those of walls in ``deep`` cells, within the mesh, left out.
 
     A distance to samples is a little longer than that to the surface; they are so close together that this is little even where
@@ -217,7 +216,7 @@ def _tree(corners: np.ndarray, deep: np.ndarray, low: np.ndarray, cell: np.ndarr
     while (_parts(corners, spacing) + 1).prod(axis=1).sum() > _MOST_SAMPLES + 4 * len(corners):
         spacing *= 1.25
     samples = _samples(corners, spacing)
-    return cKDTree(samples[~deep[_cells_of((samples - low) / cell, deep.shape)]])
+    return scipy.spatial.cKDTree(samples[~deep[_cells_of((samples - low) / cell, deep.shape)]])
 
 
 def _samples(corners: np.ndarray, spacing: float) -> np.ndarray:
@@ -251,7 +250,7 @@ def _weights(along: int, across: int) -> np.ndarray:
 def _filled(surface: np.ndarray) -> np.ndarray:
     """Cells of an open surface and those that they close in; if these are few, those that have it on both sides along two of
     the axes."""
-    solid = ndimage.binary_fill_holes(surface)
+    solid = scipy.ndimage.binary_fill_holes(surface)
     shell = surface | (np.sum([_between(surface, axis) for axis in range(3)], axis=0) >= 2)
     return solid if (solid & ~surface).sum() > _SHELL * (shell & ~surface).sum() else shell
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy import ndimage
+import scipy  # imports its modules when they are first used
 
 from ...camera.rig import Camera, axes_equations
 
@@ -127,7 +127,7 @@ def places(volume: Volume, occupied: np.ndarray, size_m: float, n: int) -> np.nd
     (m, 3) meters, world, m <= ``n``.
     """
     solid = np.where(occupied > _SOLID, occupied, 0.0)
-    mass = ndimage.gaussian_filter(solid, 0.18 * size_m / volume.step_m).ravel()
+    mass = scipy.ndimage.gaussian_filter(solid, 0.18 * size_m / volume.step_m).ravel()
     likely = np.flatnonzero(mass > max(0.05 * float(mass.max(initial=0.0)), 1e-3))  # of a million points, some thousand
     points, mass, inside = volume.points, mass[likely], np.flatnonzero(solid)
     body, weights, points = points[inside], solid.ravel()[inside], points[likely]

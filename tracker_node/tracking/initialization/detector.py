@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy  # imports its modules when they are first used
 
 from ...camera.rig import CameraRig
 from ...model.articulated import ArticulatedModel
@@ -221,8 +221,9 @@ class PoseDetector:
         """Orientations (n, 3, 3) of the root: a jointed body stands upright, anything else lies as it likes."""
         if self._model.chain.n_axes:
             angles = np.arange(_HEADINGS) * (2.0 * np.pi / _HEADINGS)
-            return Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
-        return np.concatenate([np.eye(3)[None], Rotation.random(8 * _HEADINGS, rng=self._config.seed).as_matrix()])
+            return scipy.spatial.transform.Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
+        turns = scipy.spatial.transform.Rotation.random(8 * _HEADINGS, rng=self._config.seed)
+        return np.concatenate([np.eye(3)[None], turns.as_matrix()])
 
     def _heights(self, middle: np.ndarray) -> np.ndarray:
         """Feet move less than the rest, shadows on the floor with them: the middle may be higher or lower."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
-from scipy import ndimage
+import scipy  # imports its modules when they are first used
 
 from ...camera.rig import Camera
 from ...model.articulated import ArticulatedModel
@@ -264,5 +264,5 @@ def color_density(image: np.ndarray, weights: np.ndarray) -> np.ndarray:
     (bins^3,).
     """
     counts = np.bincount(color_bins(image).ravel(), weights.ravel().astype(np.float64), _BINS**3)
-    smooth = ndimage.gaussian_filter(counts.reshape(_BINS, _BINS, _BINS), 0.7, mode="constant").ravel()
+    smooth = scipy.ndimage.gaussian_filter(counts.reshape(_BINS, _BINS, _BINS), 0.7, mode="constant").ravel()
     return smooth / max(float(smooth.sum()), 1e-9)

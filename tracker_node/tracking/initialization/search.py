@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy  # imports its modules when they are first used
 
 from ...camera.rig import Camera
 from ...model.articulated import ArticulatedModel
@@ -160,8 +160,9 @@ class HypothesisSearch:
             size = 0.25 + 0.75 * rng.random((n * samples, 1))  # some near, some far
             if limb is None:
                 roots[:, :3, 3] += size * self._shake_m * rng.standard_normal((n * samples, 3))
-                turns = Rotation.from_rotvec(size * _SHAKE_RAD * rng.standard_normal((n * samples, 3))).as_matrix()
-                roots[:, :3, :3] = turns @ roots[:, :3, :3]
+                vectors = size * _SHAKE_RAD * rng.standard_normal((n * samples, 3))
+                turns = scipy.spatial.transform.Rotation.from_rotvec(vectors)
+                roots[:, :3, :3] = turns.as_matrix() @ roots[:, :3, :3]
             else:
                 moved = joints[:, limb] + 2.0 * _SHAKE_RAD * size * rng.standard_normal((n * samples, len(limb)))
                 joints[:, limb] = np.clip(moved, self._low[limb], self._high[limb])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy  # imports its modules when they are first used
 
 from ...model.articulated import ArticulatedModel
 from ...model.configuration import Neighbor, State, configured
@@ -259,7 +259,7 @@ class Bodies:
         owners: list[dict[int, str]] = []
         for of_camera in zip(*claims, strict=True):
             suits = np.where(np.isfinite(table := np.array(of_camera)), table, -_NEVER)
-            rows, columns = linear_sum_assignment(suits, maximize=True)
+            rows, columns = scipy.optimize.linear_sum_assignment(suits, maximize=True)
             pairs = zip(rows.tolist(), columns.tolist(), strict=True)
             owners.append({column: names[row] for row, column in pairs if suits[row, column] > -_NEVER})
         return owners

@@ -17,7 +17,7 @@ from functools import cache, lru_cache
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy  # imports its modules when they are first used
 
 from ...camera.rig import Camera, CameraRig
 from ...geometry import se3, so3
@@ -141,7 +141,7 @@ class _Surface:
     """Some shapes of the neutral body: ``points`` (n, 6) of their surface with colors, in sizes of the body, and others."""
 
     points: np.ndarray
-    tree: cKDTree
+    tree: scipy.spatial.cKDTree
     middle: np.ndarray
     size: float
     usual: float
@@ -165,7 +165,7 @@ class _Surface:
         size = float(np.linalg.norm(points[:, :3] - middle, axis=1).max())
         for sample in (points, more):
             sample[:, 3:] *= size / _LEVELS
-        tree = cKDTree(more)
+        tree = scipy.spatial.cKDTree(more)
         return cls(points, tree, middle, size, float(tree.query(points)[0].mean()))
 
     def is_mapped(self, point: np.ndarray, axis: np.ndarray, angle: float) -> bool:
