@@ -132,6 +132,18 @@ def test_who_is_found_far_from_where_a_body_was_a_moment_ago_is_somebody_else():
         assert again.status is Status.TRACKING and off_m(again.state, true(end, back_at)).mean() < 0.03
 
 
+def test_who_runs_is_found_where_he_has_run_to():
+    made, speed = tracker(), 6.0
+    for i in range(12):
+        x = (speed - 1.0) * (i - 12) * PERIOD_NS * 1e-9
+        made.step(shot(i, people(i, x)))
+    for i in range(12, 20):
+        assert made.step(shot(i, [()] * 3)).status is not Status.INITIALIZING
+    x = (speed - 1.0) * (20 - 12) * PERIOD_NS * 1e-9
+    again = made.step(shot(20, people(20, x)))
+    assert again.status is Status.TRACKING and off_m(again.state, true(20, x)).mean() < 0.03
+
+
 def test_a_lost_body_that_points_have_led_far_away_is_somebody_else():
     made, sets = tracker(true(0)), 8
     for i in range(sets):

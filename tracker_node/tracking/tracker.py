@@ -46,7 +46,8 @@ _MOST_AGAIN = 1  # image sets that are fitted again where points come late, of t
 _CLEARLY = 0.05  # fraction of its log-likelihood ratio by which another place has to be better than one that is not lost
 _OF_A_TURN = 1.0 / 6.0  # that maps the body onto itself: standard deviation, beyond which it may have been turned by it
 _SAME_PLACE_M = 0.5  # between two roots, within which it may be the same body otherwise posed
-_NEAR_M, _AWAY_NS = 1.0, 1_000_000_000  # of where a body was seen last, for how long, it is; only then it may be whoever is found
+# Who is farther than this, and as far as the body surely runs, from where it was seen within so long is somebody else
+_NEAR_M, _AWAY_NS = 1.0, 1_000_000_000
 
 
 @dataclass(eq=False)
@@ -57,8 +58,8 @@ class _Track:
     image sets in a row in which it was LOST. ``held``: image sets since the start in which it was not. ``unproven``: image sets
     since it was found in which a limb was lost; None: there was one without. ``spoiled``: a camera that is left out now has shown
     another moment until then. ``turned``: why it may be turned otherwise, of a body that looks the same then. ``doubt``: variance
-    of its turn that has added up since it was TRACKING, radians^2. ``seen``: stamp and place of its root when it was not LOST
-    last, once it was held.
+    of its turn that has added up since it was TRACKING, radians^2. ``seen``: stamp, place and least speed, m/s, of its root
+    when it was not LOST last, once it was held.
     """
 
     engine: AnyEngine
@@ -71,11 +72,20 @@ class _Track:
     spoiled: bool = False
     turned: str = ""
     doubt: float = 0.0
-    seen: tuple[int, np.ndarray] | None = None
+    seen: tuple[int, np.ndarray, float] | None = None
 
-    def seen_lately(self, stamp_ns: int) -> np.ndarray | None:
-        """(3,) meters, world: where the body was a moment ago."""
-        return self.seen[1] if self.seen is not None and stamp_ns - self.seen[0] < _AWAY_NS else None
+    def seen_lately(self, stamp_ns: int) -> tuple[np.ndarray, float] | None:
+        """(3,) meters, world, where the body was a moment ago, and how far from there it may be."""
+        if self.seen is None or stamp_ns - self.seen[0] >= _AWAY_NS:
+            return None
+        return self.seen[1], _NEAR_M + self.seen[2] * 1e-9 * (stamp_ns - self.seen[0])
+
+    def see(self, stamp_ns: int, state: State) -> None:
+        """The body is not LOST."""
+        covariance = self.motion.velocity_covariance
+        sigma = np.inf if covariance is None else np.sqrt(np.trace(covariance[:3, :3]))
+        least = max(float(np.linalg.norm(self.motion.velocity[:3]) - 2.0 * sigma), 0.0)
+        self.seen = stamp_ns, state.T_world_root[:3, 3], least
 
 
 @dataclass(frozen=True, eq=False)
@@ -508,9 +518,9 @@ class Tracker:
     def _unless_elsewhere(self, assessment: Assessment, state: State, stamp_ns: int) -> Assessment:
         """LOST, where points have led a body that was LOST to somebody else."""
         seen = self._track.seen_lately(stamp_ns) if self._track.lost and self._late is not None else None
-        if seen is None or assessment.status is Status.LOST or np.linalg.norm(state.T_world_root[:3, 3] - seen) <= _NEAR_M:
+        if seen is None or assessment.status is Status.LOST or np.linalg.norm(state.T_world_root[:3, 3] - seen[0]) <= seen[1]:
             return assessment
-        reason = f"a moment ago it was more than {_NEAR_M:.0f} m from here"
+        reason = f"a moment ago it was more than {seen[1]:.1f} m from here"
         limbs = tuple(limb.doubted(reason) for limb in assessment.limbs)
         return replace(assessment, status=Status.LOST, reason=reason, limbs=limbs)
 
@@ -528,7 +538,7 @@ class Tracker:
         if known is not None:
             here, within_m = known.T_world_root[:3, 3], _SAME_PLACE_M
         elif (seen := track.seen_lately(stamp_ns)) is not None:
-            here, within_m = seen, _NEAR_M
+            here, within_m = seen
         begin = track.engine.find(people, here) if known is None or track.spoiled else track.engine.otherwise(people, known)
         if begin is None or (here is not None and np.linalg.norm(begin.T_world_root[:3, 3] - here) > within_m):
             return False
@@ -672,12 +682,12 @@ class Tracker:
             any_lost = lost or any(limb.status is LimbStatus.LOST for limb in assessment.limbs)
             track.unproven = track.unproven + 1 if any_lost else None
         if not lost:
-            if track.held >= _HELD_SETS or track.seen_lately(stamp_ns) is not None:
-                track.seen = stamp_ns, state.T_world_root[:3, 3]
             if assessment.jumped:
                 track.motion.restart(stamp_ns, state)
             else:
                 track.motion.update(stamp_ns, state, information)
+            if track.held >= _HELD_SETS or track.seen_lately(stamp_ns) is not None:
+                track.see(stamp_ns, state)
         elif not (first and _nothing_seen(assessment)):  # else nothing has been learned: it begins again at the next image set
             track.motion.coast(stamp_ns, state)  # nothing is learned from what is taken for the body, nor how fast it is
 
