@@ -76,6 +76,15 @@ def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     lock.close()
 
 
+@pytest.fixture
+def fresh_domain_id(ros_domain_id: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A ROS graph in which no test of this process has had a node."""
+    domain_id, lock = _claim_domain_id(Path("/tmp"))
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain_id))
+    yield domain_id
+    lock.close()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
     """What is imported and collected stays to the end: the garbage collector need not go through it, neither now nor later."""

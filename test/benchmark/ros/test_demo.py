@@ -29,7 +29,7 @@ def test_alarms_are_told_from_what_is_said_by_the_way() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("quick", [True, False])
-def test_a_healthy_run_warns_nobody(tmp_path: Path, quick: bool) -> None:
+def test_a_healthy_run_warns_nobody(tmp_path: Path, quick: bool, fresh_domain_id: int) -> None:
     """A rendered clip, and `make demo` itself."""
     if not quick:
         sample_or_skip()
