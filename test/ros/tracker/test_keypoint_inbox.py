@@ -201,6 +201,8 @@ def test_huge_messages_are_refused_before_they_are_read(build, probe, monkeypatc
 def test_points_are_listened_to_only_where_they_are_among_the_modalities(build, probe):
     bench = build(("region",))
     assert not any(publisher.get_subscription_count() for publisher in bench.points.values())
+    said = "published, and not in use: modalities has no keypoints"
+    probe.spin_until(lambda: bench.said.message == said, "that points are not in use")
     (result,) = bench.node.set_parameters([Parameter("modalities", value=["region", "keypoints"])])
     assert result.successful, result.reason
     probe.spin_until(lambda: all(p.get_subscription_count() for p in bench.points.values()), "subscriptions")
@@ -241,12 +243,12 @@ def test_points_that_cannot_be_used_are_said_to_be(build):
     person = points("cam1", 0).persons[0]
     person.covariance_uu = [-1.0] * len(NAMES)
     bench.put(0, persons=[person])
-    bench.node._keypoints.report()
+    bench.node._keypoints.report(())
     bench.probe.spin_until(lambda: bench.said.level == DiagnosticStatus.WARN, "a warning")
     assert bench.said.message.startswith("camera 'cam1': keypoints: no point can be used: expected")
     assert not bench.node._keypoints.refused
     bench.put(1)
-    bench.node._keypoints.report()
+    bench.node._keypoints.report(())
     bench.probe.spin_until(lambda: bench.said.level == DiagnosticStatus.OK, "no warning")
 
 
@@ -257,14 +259,14 @@ def test_points_that_come_and_are_never_used_are_said_to_be_and_why(build, monke
     for i in range(100, 600):
         bench.put(0)
         bench.track(i)
-        bench.node._keypoints.report()
+        bench.node._keypoints.report(())
         if bench.said.message.startswith("points come, but none was used"):
             break
     assert bench.said.level == DiagnosticStatus.WARN and "their stamps do not change" in bench.said.message
     for i in range(600, 603):
         bench.put(i)
         assert used(bench.track(i))
-    bench.node._keypoints.report()
+    bench.node._keypoints.report(())
     bench.probe.spin_until(lambda: bench.said.level == DiagnosticStatus.OK, "no warning")
 
 
@@ -276,7 +278,7 @@ def test_people_without_any_point_are_told_when_it_lasts(build, monkeypatch):
     for i in range(1, 500):
         bench.put(i, persons=[person])
         bench.track(i)
-        bench.node._keypoints.report()
+        bench.node._keypoints.report(())
         if bench.said.level == DiagnosticStatus.WARN:
             break
     assert bench.said.message.startswith("people come without a point that was found")

@@ -323,9 +323,11 @@ class KeypointInbox:
             self._noted.add(kind)
             self._node.get_logger().warning(text)
 
-    def report(self) -> None:
-        """Once a second, while the tracker is active and uses points."""
+    def report(self, cameras: Collection[str]) -> None:
+        """Once a second, while the tracker is active."""
         if not self._subscriptions:
+            if any(self._node.count_publishers(f"{camera}/keypoints") for camera in cameras):
+                self._diagnostics.report(PART, OK, "published, and not in use: modalities has no keypoints")
             return
         now, total = time.monotonic(), Counter[str]()
         for counts in self.matching.counts().values():

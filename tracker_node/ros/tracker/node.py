@@ -372,7 +372,7 @@ class TrackerNode(ManagedNode):
         self._mismatches.recheck(again=self.state == ACTIVE)
         if self._worker is not None and self.state == ACTIVE:
             self._tracker_diagnostics.report(self._worker)
-            self._keypoints.report()
+            self._keypoints.report(self._parameters_of_node.cameras)
             if self._joint_states is not None:
                 self._joint_states.report()
             self._camera_diagnostics.report(self._worker, self._parameters_of_node.cameras)
