@@ -73,11 +73,12 @@ def test_bodies_of_a_recording_have_its_parameters_unless_others_are_given(rig, 
         (tmp_path / name).touch()
     dump_model(MODEL, tmp_path / "model.yaml")
     (tmp_path / "own.yaml").write_text("modalities: [chamfer]\n")
-    (tmp_path / "other.yaml").write_text("modalities: [color]\n")
+    (tmp_path / "other.yaml").write_text("anna:\n  ros__parameters: {modalities: [color]}\n")
     recording = tmp_path / "recording.yaml"
     said = "rig: rig.yaml\noutput: out\noccluders: model.yaml\nbodies: {one: {model: model.yaml}, two: {model: model.yaml}}\n"
     parser = argparse.ArgumentParser()
     add_arguments(parser)
+    parser.set_defaults(ros_args=["-r", "__node:=anna"])
 
     def found(*more: str) -> TrackerOptions:
         arguments = ["--rig", "rig.yaml", "--bodies", str(recording), *more]
