@@ -92,7 +92,7 @@ test: setup check-system  ## import contract, ruff and the tests that take no mo
 	@$(PYTEST) -m "not long and not ros" $(PYTEST_ARGS)
 
 test-long: setup check-system  ## real processes, walkthroughs of the pages, drills, soak and fuzz
-	@$(PYTEST) -m "long and not ros" $(PYTEST_ARGS)
+	@$(PYTEST) --timeout 900 -m "long and not ros" $(PYTEST_ARGS)
 
 # TRACKER_ROS2_ENV names the folder whose env.sh makes `ros2` and `launch` available, with this package installed in it.
 test-ros: setup check-system  ## what needs the real ros2 command and launch

@@ -62,6 +62,7 @@ TEST_REQUIREMENTS = [
     "playwright",
     "pypdf",
     "pytest",
+    "pytest-timeout",
     "pytest-xdist",
     "ruff",
 ]

@@ -12,7 +12,7 @@ import pytest
 
 from helpers.cameras.camera_rigs import in_millimetres
 from helpers.cameras.small_clip import Clip, make_clip
-from tracker_node.cli.arguments.runs import nothing_tracked
+from tracker_node.cli.arguments.run_images import nothing_tracked
 from tracker_node.cli.main import main
 from tracker_node.errors import SourceError
 from tracker_node.loaders.bag.reader import BagReader

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracker_node.cli.arguments.runs import named_options
+from tracker_node.cli.arguments.run_images import named_options
 from tracker_node.errors import FileFormatError, SourceError, shown, without_password
 from tracker_node.loaders.images.source import list_images, open_source, size_contradiction
 from tracker_node.loaders.projects import recordings_in, subfolders

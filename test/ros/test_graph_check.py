@@ -9,8 +9,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 
-from tracker_node.ros.diagnostics import Diagnostics
-from tracker_node.ros.graph_check import GraphCheck
+from tracker_node.ros.diagnostics import Diagnostics, GraphCheck
 
 
 class Graph:

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from .arguments.cameras import image_size
 from .arguments.recording import add_recording_argument, by_body, evaluate_recording, fill_in, of_those_who_join
-from .arguments.run_images import check
-from .arguments.runs import add_person_argument, named_options, nothing_tracked, place_of_person
+from .arguments.run_images import add_person_argument, check, named_options, nothing_tracked, place_of_person
 from .nodes.camera_ingest import named_source
 
 if TYPE_CHECKING:

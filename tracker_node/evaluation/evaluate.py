@@ -16,8 +16,7 @@ from ..tracking.estimate import Status
 from ..tracking.limbs.tree import length_scale
 from . import metrics
 from .motion.joint_motion import AUTO
-from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, estimate_lag, image_period_ns, truth_at
-from .truth.doubts import doubts_of_truth
+from .truth.association import FEW_SETS, LAG_RANGE_IMAGES, OnAClock, doubts_of_truth, estimate_lag, image_period_ns, truth_at
 from .truth.files import LIMBS, common_bones, common_joints, offset_links
 
 OnOneClock = TypeVar("OnOneClock", bound=OnAClock)

@@ -29,7 +29,7 @@ class Assessment:
         where the modality has no such measure.
     doubt_rad : how well the turn of a body without limbs is known while it is in doubt, a standard deviation; 0 while it is not.
     support : (n_cameras,) the same of each camera, a sample of the outline; nan where it should not see any; None as above.
-    shown : (n_cameras,) of `keypoints.evidence.shares_found`; None where a detector finds the body in no camera.
+    shown : (n_cameras,) of `keypoints.judge.shares_found`; None where a detector finds the body in no camera.
     """
 
     status: Status

@@ -5,8 +5,16 @@ import pytest
 
 from helpers.cameras.board_scenes import CHARUCO, LENSES, board_pose, corners_seen, ring
 from helpers.numeric.finite_difference import assert_jacobian, numerical_jacobian
-from tracker_node.calibration.board.adjustment import BoardAdjustmentOptions, BoardState, _moved, _Problem, adjust_boards
-from tracker_node.calibration.board.lens_parameters import lens_jacobian, lens_of_vector, lens_vector
+from tracker_node.calibration.board.adjustment import (
+    BoardAdjustmentOptions,
+    BoardState,
+    _moved,
+    _Problem,
+    adjust_boards,
+    lens_jacobian,
+    lens_of_vector,
+    lens_vector,
+)
 from tracker_node.calibration.board.refinement import rows_of
 from tracker_node.calibration.board.views import group_views, velocities
 from tracker_node.camera.model import CameraModel

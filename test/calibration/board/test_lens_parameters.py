@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracker_node.calibration.board.lens_parameters import COEFFICIENTS, lens_jacobian, lens_of_vector, lens_prior, lens_vector
+from tracker_node.calibration.board.adjustment import COEFFICIENTS, lens_jacobian, lens_of_vector, lens_prior, lens_vector
 from tracker_node.camera.model import CameraModel
 
 K = np.array([[500.0, 0.0, 310.0], [0.0, 510.0, 230.0], [0.0, 0.0, 1.0]])

@@ -7,9 +7,9 @@ import pytest
 
 from helpers.cameras.board_scenes import CHARUCO, CHESSBOARD, LENSES, corners_seen, ring
 from helpers.cameras.camera_rigs import circle_rig
+from tracker_node.calibration.board.adjustment import lens_vector
 from tracker_node.calibration.board.board import Board, BoardView
 from tracker_node.calibration.board.intrinsics import calibrate_lens
-from tracker_node.calibration.board.lens_parameters import lens_vector
 from tracker_node.calibration.board.refinement import BoardRigOptions
 from tracker_node.calibration.board.report import (
     camera_metrics,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tracker_node.cli.arguments.runs import nothing_tracked
+from tracker_node.cli.arguments.run_images import nothing_tracked
 
 LOOK = "; tracker_node rig check finds faults of the rig; see docs/troubleshooting.md"
 WITHOUT, GIVE = (

@@ -4,7 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
-from tracker_node.cli.arguments.runs import named_options
+from tracker_node.cli.arguments.run_images import named_options
 
 
 def asked(**options):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracker_node.evaluation.truth.doubts import doubts_of_truth
+from tracker_node.evaluation.truth.association import doubts_of_truth
 from tracker_node.geometry import so3
 from tracker_node.loaders.motion.trajectory_file import Trajectories
 

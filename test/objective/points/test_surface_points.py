@@ -9,7 +9,7 @@ from tracker_node.geometry import se3
 from tracker_node.model.articulated import ArticulatedModel, Shape
 from tracker_node.model.kinematic_chain import Joint, KinematicChain
 from tracker_node.model.shapes.primitives import BOX_FACES, Box, Ellipsoid
-from tracker_node.objective.points.surface_points import surface_points, textured_extent
+from tracker_node.objective.points.texture import surface_points, textured_extent
 
 CHAIN = KinematicChain(("base", "arm"), (Joint("weld", "base", "arm", np.eye(4)),))
 SIZE = np.array([0.2, 0.3, 0.5])

@@ -12,8 +12,7 @@ from tracker_node.model.configuration import Configuration, State
 from tracker_node.model.kinematic_chain import KinematicChain
 from tracker_node.model.shapes.primitives import Box
 from tracker_node.objective.points import texture
-from tracker_node.objective.points.surface_points import surface_points
-from tracker_node.objective.points.texture import TextureObjective
+from tracker_node.objective.points.texture import TextureObjective, surface_points
 from tracker_node.optimize.alignment import AlignmentOptions, align
 from tracker_node.render.raycast.raycaster import render_color
 

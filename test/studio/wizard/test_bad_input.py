@@ -13,9 +13,9 @@ from helpers.studio.studio_process import running_studio
 from helpers.studio.wizard_client import Client
 from tracker_node.cli.main import main
 from tracker_node.errors import TrackerError
-from tracker_node.studio.wizard import jobs
+from tracker_node.studio.wizard import page
 from tracker_node.studio.wizard.folder import contents_of
-from tracker_node.studio.wizard.page import files_of
+from tracker_node.studio.wizard.page import Jobs, files_of
 from tracker_node.studio.wizard.steps import Steps
 
 
@@ -186,8 +186,8 @@ def test_notes_stand_apart_and_what_was_written_is_no_error(tmp_path, monkeypatc
         "print('tracker_node calibrate rig: cam04: no board; this camera is left out', file=sys.stderr, flush=True)\n"
         "print('wrote rig.yaml')\nsys.exit(1)\n"
     )
-    monkeypatch.setattr(jobs, "COMMAND", ())
-    job = jobs.Jobs(tmp_path)
+    monkeypatch.setattr(page, "COMMAND", ())
+    job = Jobs(tmp_path)
     job.start("rig", [["rig.py"]], ["rig.py"])
     while job.running:
         time.sleep(0.05)

@@ -14,8 +14,8 @@ from tracker_node.parallel import Workers
 from tracker_node.tracking.config import from_dict
 from tracker_node.tracking.estimate import Status
 from tracker_node.tracking.initialization.detector import PoseDetector, body_size
-from tracker_node.tracking.initialization.pose_library import library_poses, other_side
 from tracker_node.tracking.limbs.tree import joint_groups
+from tracker_node.tracking.poses import library_poses, other_side
 from tracker_node.tracking.tracker import Tracker
 
 SMALL = {

@@ -14,7 +14,7 @@ from tracker_node.objective.keypoints.correspondences import KeypointCorresponde
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.observation.keypoints.people import Person
 from tracker_node.tracking.config import KeypointConfig
-from tracker_node.tracking.keypoints.evidence import lost_odds, shares_found
+from tracker_node.tracking.keypoints.judge import lost_odds, shares_found
 from tracker_node.tracking.keypoints.modality import KeypointModality
 from tracker_node.tracking.limbs.tree import limbs_of
 

@@ -26,7 +26,7 @@ class LensCalibration:
 
     Attributes
     ----------
-    sigma : (4 + n,) standard deviations of the `lens_parameters` vector, from the residuals.
+    sigma : (4 + n,) standard deviations of the `lens_vector`, from the residuals.
     views : those used; ``outliers`` those left out, since they fit much worse than the others.
     residuals_px : per view (k, 2).
     """

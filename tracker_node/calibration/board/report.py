@@ -13,10 +13,9 @@ from ...camera.model import CameraModel
 from ...geometry import se3
 from ...report.html import PageSection, write_page
 from ..points.triangulation import reproject, triangulate
-from .adjustment import CLOCK, N_PLACE, BoardObservations
+from .adjustment import CLOCK, COEFFICIENTS, N_PLACE, BoardObservations, lens_vector
 from .board import BoardView
 from .intrinsics import LensCalibration
-from .lens_parameters import COEFFICIENTS, lens_vector
 from .refinement import rows_of, view_errors
 from .rig import BoardRig
 from .views import CameraViews
@@ -66,7 +65,7 @@ def lens_table(name: str, lens: CameraModel, sigma: np.ndarray) -> PageSection:
     ----------
     name : of the camera.
     lens : the lens.
-    sigma : (4 + n,) standard deviations of its `lens_parameters` vector.
+    sigma : (4 + n,) standard deviations of its `lens_vector`.
 
     Returns
     -------

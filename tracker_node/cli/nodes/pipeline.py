@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..arguments.cameras import tracker_name, with_topics
 from ..arguments.recording import add_recording_argument, by_body, evaluation_of, fill_in
-from ..arguments.runs import named_options, nothing_tracked
+from ..arguments.run_images import named_options, nothing_tracked
 from ..arguments.verbs import run_verb
 from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments

@@ -1,7 +1,11 @@
-"""Bodies as YAML (``model.yaml``; the format is described in docs/formats.md)."""
+"""Bodies as YAML (``model.yaml``; the format is described in docs/formats.md), and which kind of file a body is in.
+
+Files of other programs are refused by what they are.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +13,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from ...errors import FileFormatError, ModelError
+from ...errors import FileFormatError, ModelError, WrongKindOfFileError
 from ...geometry import se3, so3
 from ...model.articulated import ArticulatedModel, Landmark, Shape
 from ...model.humans.human import gait_human, human_model
@@ -18,11 +22,41 @@ from ...model.kinematic_chain import Axis, Following, Joint, KinematicChain
 from ...model.shapes.nurbs import N_AROUND, RING_SPACING, LoftedSolid, loft_mesh
 from ...model.shapes.primitives import BOX_FACES, Box, Ellipsoid, Mesh, Primitive, TruncatedCone
 from ..file_model import validate
+from ..whole_file import MEDIA_BYTES, check_regular, read_text
 from ..yaml_file import Inline, read_mapping, write_mapping
-from .kinds import is_robot
 from .mesh_file import read_mesh, read_texture, write_mesh, write_texture
 from .model_file import AxisEntry, BoxEntry, ConeEntry, DescribedFile, EllipsoidEntry, LoftEntry, ModelFile, ShapeEntry
 from .urdf import load_urdf
+
+_MESHES = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae", ".off", ".3mf")
+_BEGINNINGS = {
+    "<mujoco": "a MuJoCo model", "<sdf": "an SDF model", "<OpenSimDocument": "an OpenSim model", "HIERARCHY": "a BVH file",
+}  # fmt: skip
+_BEFORE_ROOT = re.compile(r"(?:\s|\ufeff|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>]*>)*", re.DOTALL)
+
+
+def is_robot(path: str | Path) -> bool:
+    """True for a robot description (URDF), by suffix or content.
+
+    Raises
+    ------
+    WrongKindOfFileError : a mesh, or a model of another program.
+    FileFormatError : a file that cannot be read.
+    """
+    file = Path(path)
+    if file.suffix.lower() in (".urdf", ".xacro"):
+        return True
+    if file.suffix.lower() in _MESHES:
+        check_regular(path, MEDIA_BYTES)
+        body = f"a body; in a model.yaml it belongs under shapes, as `type: mesh, file: {file.name}`"
+        raise WrongKindOfFileError(path, "a mesh", body)
+    text = read_text(path)
+    start = text[_BEFORE_ROOT.match(text).end() :]  # type: ignore[union-attr]
+    for beginning, kind in _BEGINNINGS.items():
+        if start.startswith(beginning):
+            raise WrongKindOfFileError(path, kind, "a body (a model.yaml or a URDF)")
+    return start.startswith("<robot")
+
 
 HUMANS: Mapping[str, Callable[[], ArticulatedModel]] = {  # by words that may stand wherever a model file may be named
     "human": human_model,

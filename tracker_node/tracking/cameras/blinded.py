@@ -165,7 +165,7 @@ class BlindedCameras:
         stamp_ns : of the set.
         images : pixels per camera of the rig, None where the set has none.
         support : (n_cameras,) log-likelihood ratio per sample of the outline; nan where a camera should not see any.
-        shown : (n_cameras,) of `keypoints.evidence.shares_found`: a camera in which a detector finds the body is not blind for a
+        shown : (n_cameras,) of `keypoints.judge.shares_found`: a camera in which a detector finds the body is not blind for a
             second, however clothes blend with a wall; one in which it has found nothing for a second is. None: it finds nothing.
         """
         if shown is not None:

@@ -25,9 +25,9 @@ from ...parallel import Workers
 from ...render.shape_arrays import ShapeArrays
 from ..config import InitializationConfig
 from ..modality import Images
+from ..poses import library_poses
 from .evidence import StartCoverage, StartEvidence
 from .parts import LimbAlternatives
-from .pose_library import library_poses
 from .search import HypothesisSearch, Poses, SilhouetteFit
 from .segmentation import StartSegmentation
 

@@ -23,9 +23,8 @@ from ...optimize.robust_start import best_apart
 from ...parallel import Workers
 from ...render.raycast.raycaster import render_view
 from ..limbs.tree import Limb
-from ..poses import Poses
+from ..poses import Poses, other_side, reachable
 from .evidence import StartEvidence, color_density, scene_density
-from .pose_library import other_side, reachable
 
 _SAMPLES = 800
 _REFINED = 25  # about each of the best

@@ -24,8 +24,7 @@ from ...optimize.fitter import Fitter, Stage
 from ...optimize.levenberg_marquardt import LevenbergMarquardtOptions
 from ...optimize.robust_start import best_apart
 from ..limbs.tree import joint_groups
-from ..poses import Poses
-from .pose_library import other_side, reachable
+from ..poses import Poses, other_side, reachable
 
 _SHAKE_RAD = 0.25
 

@@ -29,7 +29,7 @@ from ..assessment import Assessment, Report, assess_cameras, camera_reports
 from ..config import RegionConfig, TrackerConfig
 from ..engine import Judge
 from ..estimate import Status
-from ..keypoints.evidence import lost_odds, shares_found
+from ..keypoints.judge import lost_odds, shares_found
 from ..limbs.judge import LimbJudge, body_status, is_noise
 from ..uncertainty.covariance import ImageEvidence, fit_covariance
 from ..uncertainty.modes import turn_sigma

@@ -8,8 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from ....errors import FileFormatError, TrackerError
-from ...arguments.run_images import add_run_arguments, check, evidence_of, load_run_images, refuse_to_overwrite
-from ...arguments.runs import add_person_argument, place_of_person
+from ...arguments.run_images import (
+    add_person_argument,
+    add_run_arguments,
+    check,
+    evidence_of,
+    load_run_images,
+    place_of_person,
+    refuse_to_overwrite,
+)
 from ...arguments.verbs import Subverb
 
 _STATURE_M = (0.4, 3.0)

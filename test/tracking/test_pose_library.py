@@ -6,8 +6,8 @@ import pytest
 from tracker_node.model.articulated import ArticulatedModel
 from tracker_node.model.humans.human import human_model
 from tracker_node.model.kinematic_chain import KinematicChain
-from tracker_node.tracking.initialization.pose_library import library_poses, other_side, reachable
 from tracker_node.tracking.limbs.tree import joint_groups
+from tracker_node.tracking.poses import library_poses, other_side, reachable
 
 HUMAN = human_model()
 CHAIN = HUMAN.chain
