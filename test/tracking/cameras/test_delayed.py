@@ -115,3 +115,15 @@ def test_points_that_come_late_count_for_the_image_that_shows_them(one_by_one):
 def test_images_with_several_people_and_unsure_points_say_nothing():
     late = {"cam03": 10}
     assert looked(image_sets(late, n_people=2)).faults == () == looked(image_sets(late, score=0.4)).faults
+
+
+@pytest.mark.parametrize("stays", [0, 10])
+def test_a_camera_that_shows_one_moment_all_the_time_is_not_late_by_any_time(stays):
+    rng, found, blamed = np.random.default_rng(4), DelayedCameras(RIG, HUMAN), set()
+    for row, image_set in enumerate(image_sets({})):
+        images = list(image_set.images)
+        if row >= stays:
+            images[2] = replace(images[2], people=(person_at(RIG["cam03"], walking(stays), rng, 2.0),))
+        found.look(replace(image_set, images=tuple(images)))
+        blamed |= {(fault.camera, fault.size) for fault in found.faults}
+    assert not blamed

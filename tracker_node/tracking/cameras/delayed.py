@@ -29,7 +29,7 @@ _LEAST_SINE = 0.2  # of the angle between two rays that say where a point is
 _LEAST_POINTS = 60.0  # pairs of rays, that a mean is made of
 _LEAST = 0.13  # mean distance of rays at the same stamp, in the farthest, below which cameras agree
 _BETTER = 0.6  # mean distance at another lag, in that at the same stamp, of a camera that is late
-_NAMED_SETS = 5  # in a row that find the same camera late, from which on it is named
+_NAMED_SETS = 5  # in a row that find the same camera late by the same lag, from which on it is named
 
 
 class DelayedCameras:
@@ -57,7 +57,7 @@ class DelayedCameras:
         self._stamps = np.full((n, _KEPT), -1)  # of what is kept of each camera, the oldest overwritten first
         self._rays = np.zeros((n, _KEPT, 0, 3))  # unit, in the world; nan for a point that is not sure
         self._sums, self._counts = np.zeros((2, n, n, 2 * _REACH + 1))  # of the distances, by how much later the first camera is
-        self._late: tuple[int, int] = -1, 0  # the camera that was found late last, and in how many sets in a row
+        self._late: tuple[int, int, int] = -1, 0, 0  # camera that was found late last, lag, sets in a row
         self.faults: tuple[CameraFault, ...] = ()
 
     @property
@@ -104,17 +104,22 @@ class DelayedCameras:
         at_once, best = means[:, _REACH], means.argmin(axis=1)
         least = means[np.arange(len(means)), best]
         far = np.isfinite(at_once) & (at_once > _LEAST * self._far_m) & (np.abs(best - _REACH) >= _SHORTEST)
+        far &= (best > 0) & (best < 2 * _REACH)  # at the longest lag what is least may lie beyond
         shares = np.where(far, least / np.where(far, at_once, 1.0), np.inf)
         camera = int(shares.argmin())
         if shares[camera] > _BETTER:
             camera = -1
-        self._late = camera, self._late[1] + 1 if camera == self._late[0] else 1
-        if self._late[1] < _NAMED_SETS:
+        lag = int(best[camera]) if camera >= 0 else 0
+        last_camera, last_lag, in_a_row = self._late
+        # Points of somebody else, or of an image that stays, are nearest to others at another lag with each new image.
+        in_a_row = in_a_row + 1 if camera == last_camera and abs(lag - last_lag) <= 1 else 1
+        self._late = camera, lag, in_a_row
+        if in_a_row < _NAMED_SETS:
             return
         if camera < 0:
             self.faults = ()
             return
-        name, size_ns = self._rig.names[camera], (int(best[camera]) - _REACH) * _BIN_NS
+        name, size_ns = self._rig.names[camera], (lag - _REACH) * _BIN_NS
         since_ns = next((fault.since_ns for fault in self.faults if fault.camera == name), stamp_ns)
         rivals = tuple(other for other in self._rig.names if other != name) if len(self._rig) == 2 else ()
         self.faults = (CameraFault(name, DELAYED, 1e-9 * size_ns, 1e-9 * sigma_ns, since_ns, rivals),)
