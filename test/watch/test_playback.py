@@ -21,7 +21,9 @@ from tracker_node.loaders.rig.rig_yaml import load_rig
 from tracker_node.model.configuration import Configuration, State
 from tracker_node.render.overlay import part_outlines
 from tracker_node.render.raycast.raycaster import render_mask
-from tracker_node.runs.load import load_run
+from tracker_node.runs.load import TOPIC, load_run
+from tracker_node.runs.writer import SUMMARY
+from tracker_node.watch.playback import _bodies_in
 from tracker_node.watch.view import HIDDEN, SIGMAS
 
 F32 = {"rtol": 1e-6, "atol": 1e-6}  # positions are float32 in Rerun
@@ -169,6 +171,16 @@ def test_several_bodies_are_shown_together(together, tmp_path):
     assert file.views["angles/one"] == file.views["angles/other"] == "TimeSeries"
     colors = [file.static(f"/world/bodies/{name}/uncertainty", "Ellipsoids3D:colors") for name in two_people.MODELS]
     assert colors[0] != colors[1]
+
+
+def test_bodies_of_a_live_run_are_those_that_have_a_folder_with_their_topic(tmp_path):
+    """Also those who have joined, whom recording.yaml does not name; a name that nobody got has no folder."""
+    for name in ("anna", "person_1"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / SUMMARY).write_text(json.dumps({TOPIC: f"/tracker/{name}/state"}))
+    (tmp_path / "keypoints").mkdir()
+    found = _bodies_in(tmp_path, None)
+    assert found == [(name, tmp_path / name, f"/tracker/{name}/state", None) for name in ("anna", "person_1")]
 
 
 def test_a_run_and_its_smoothed_states_have_names(clip, tmp_path):

@@ -257,6 +257,9 @@ class Tracker:
             if track.lost or track.unproven:
                 initializer.watch(images)
             return None
+        if track.start is None and self._late is not None and self._late.may_come(image_set.stamp_ns):
+            initializer.watch(images)  # points tell in no time what outlines take seconds to find, and others would wait
+            return None
         self._occluders.show(image_set.neighbors, None)
         found = initializer.find(images, image_set, track.start, lambda states: self._supported(images, states))
         if found is None:

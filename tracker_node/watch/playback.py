@@ -19,7 +19,7 @@ from ..model.articulated import ArticulatedModel
 from ..runs.data import RunData
 from ..runs.images import file_of, options_of, rig_of_run, run_stream
 from ..runs.load import bag_of_run, body_of_run, load_run, run_info, topic_of
-from ..runs.writer import BAG, STATES
+from ..runs.writer import BAG, STATES, SUMMARY
 from .view import APPLICATION, RerunView, rerun_module, words
 
 _ROWS = 200  # image sets at once
@@ -177,6 +177,11 @@ def _bodies_in(path: Path, bodies: Path | None) -> list[_Found]:
     if topic := topic_of(run_info(path)):
         return [(path.name, path, topic, None)]
     topics: Sequence[str] = ()
+    if path.is_dir():  # each has a folder there; a name of those who may join that nobody got has none
+        inner = sorted(each for each in path.iterdir() if (each / SUMMARY).is_file())
+        found: list[_Found] = [(each.name, each, topic, None) for each in inner if (topic := topic_of(run_info(each)))]
+        if found:
+            return found
     if bag is not None and not (path / STATES).exists():
         with BagReader(bag) as reader:
             topics = sorted(reader.topics_of_type(TRACKED_STATE))
@@ -185,13 +190,13 @@ def _bodies_in(path: Path, bodies: Path | None) -> list[_Found]:
     named = bodies or options_of(run_info(path)).get("recording")
     if named is None:
         raise FileFormatError(path, "topics", f"one of type {TRACKED_STATE}, or --bodies recording.yaml", ", ".join(topics))
-    entries = load_recording(named).bodies
-    found: list[_Found] = []
+    models = load_recording(named).models
+    found = []
     for topic in topics:
         name = topic.removesuffix("/state").rpartition("/")[2]
-        if name not in entries:
-            raise FileFormatError(named, "bodies", f"'{name}', whose states {path} has", ", ".join(entries) or "none")
-        found.append((name, path, topic, entries[name].model))
+        if name not in models:
+            raise FileFormatError(named, "bodies", f"'{name}', whose states {path} has", ", ".join(models) or "none")
+        found.append((name, path, topic, models[name]))
     return found
 
 

@@ -4,7 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
-from tracker_node.cli.arguments.run_images import named_options
+from tracker_node.cli.arguments.run_images import named_options, whole_name
 
 
 def asked(**options):
@@ -20,6 +20,13 @@ def test_files_and_sources_have_their_whole_paths(tmp_path, monkeypatch):
     assert options["model"] is None and options["occluders"] is None
     assert options["source"][0] == ["cam01", str(tmp_path / "a.mp4")]
     assert options["source"][1][0] == "cam02" and "secret" not in options["source"][1][1] and "host/b" in options["source"][1][1]
+
+
+def test_a_body_of_the_package_is_its_name_unless_there_is_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert named_options(asked(model="human"))["model"] == "human" and whole_name("gait_human") == "gait_human"
+    (tmp_path / "human").touch()
+    assert named_options(asked(model="human"))["model"] == whole_name("human") == str(tmp_path / "human")
 
 
 def test_values_are_those_that_json_can_hold():

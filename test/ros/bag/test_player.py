@@ -112,6 +112,19 @@ def test_part_of_a_bag_in_a_loop_until_sigint(listener: Listener, tmp_path: Path
     assert player.end(signal.SIGINT) == 0, player.text
 
 
+def test_it_waits_for_the_node_of_a_name_in_any_namespace_or_in_its_own(listener: Listener, tmp_path: Path, start) -> None:
+    listener.listen("/a", String)
+    bag = str(text_bag(tmp_path / "bag"))
+    for name, begins in (("listener", True), ("/listener", True), ("/lab/listener", False)):
+        player = start("player", bag, "--topics", "a", "--rate", "4", "--wait-for-node", name)
+        if begins:
+            listener.until(lambda ended=player.process: ended.poll() is not None)
+            assert player.process.returncode == 0, player.text
+        else:
+            player.wait_for("waiting for the node /lab/listener to subscribe; so far /listener has")
+            assert player.end(signal.SIGINT) == 0, player.text
+
+
 def test_pause(listener: Listener, tmp_path: Path, start) -> None:
     listener.listen("/a", String)
     player = start("player", str(text_bag(tmp_path / "bag")), "--topics", "a", "--paused", "--wait-for-subscribers", "1")

@@ -1,5 +1,7 @@
 """What /diagnostics says of a tracker does not flip from second to second, and is short."""
 
+from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -13,6 +15,7 @@ from tracker_node.model.humans.human import human_model
 from tracker_node.observation.image_set import CameraImage, ImageSet
 from tracker_node.ros.diagnostics import OK, WARN
 from tracker_node.ros.tracker.diagnostics import LeftOut, TrackerDiagnostics, unobservable_in_short
+from tracker_node.ros.tracker.setup import WorkerCounts
 from tracker_node.tracking.config import TrackerConfig
 from tracker_node.tracking.estimate import Status, unknown_estimate
 
@@ -72,6 +75,30 @@ def test_who_comes_without_a_name_left_is_a_warning():
     worker.turned_away = "no name is left"
     diagnostics.estimated(worker, image_set, 6)
     assert told["joining"] == (WARN, "no name is left (~/reset frees all)")
+
+
+def test_each_of_several_bodies_has_what_is_its_own():
+    """Also where they have different numbers of degrees of freedom, and the node's model is that of one."""
+    models = {"anna": human_model(ankles=True), "person_1": human_model(), "person_2": human_model()}
+    told: dict[str, tuple] = {}
+    report = lambda part, *status, logged=True: told.update({part: status})  # noqa: E731
+    diagnostics = TrackerDiagnostics(SimpleNamespace(report=report), models["anna"])
+    cameras, estimates = ("cam01",), {}
+    for name, model in models.items():
+        estimate = unknown_estimate(5, "", State.neutral(model), cameras, 0.0, Status.LOST if name == "anna" else Status.TRACKING)
+        estimates[name] = replace(estimate, information=1e9 * np.eye(model.chain.n_dof))
+    absent = {"person_2": estimates["person_2"]}
+    counts = WorkerCounts(of_body=Counter(anna=28, person_1=9), lost=Counter(anna=2))
+    worker = SimpleNamespace(
+        turned_away="", absent=absent, estimates=estimates, step_ms=1.0, counts=counts, models=models
+    )
+    diagnostics.estimated(worker, ImageSet(5, (CameraImage("cam01", 5, np.zeros((2, 2), np.uint8), "mono8"),)), 6)
+    counted = {name: told[f"{name}: status"][2] for name in ("anna", "person_1")}
+    assert [counted[name]["image sets tracked"] for name in counted] == [28, 9]
+    assert [counted[name]["image sets lost"] for name in counted] == [2, 0]
+    diagnostics._report_unobservable(worker)
+    assert told["anna: observability"][0] == OK == told["person_1: observability"][0]
+    assert told["person_2: observability"] == (OK, "not here") and "observability" not in told
 
 
 @pytest.mark.parametrize(

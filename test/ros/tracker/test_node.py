@@ -85,6 +85,8 @@ def test_set_state_and_reset(probe, recording, start_tracker):
     probe.spin_until(lambda: len(states) == 1, "a state")
     answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["elbow_flexion"], values=[9.0]))
     assert answer.success and answer.message.startswith("put at the limit: elbow_flexion: 9 is not in")
+    answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["root_x"], values=[0.01]))
+    assert answer.success and answer.message == ""  # of what this request names there is nothing to say
     answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["elbow_flexion"], values=[0.7]))
     assert answer.success and answer.message == ""
     answer = probe.ask(SetState, "tracker/set_state", SetState.Request(dof_names=["knee"], values=[0.7]))

@@ -143,7 +143,7 @@ def test_a_failed_image_set_is_lost_where_the_body_was_and_says_how_long_it_took
     assert estimate.timings.total_ms == 250.0 and estimate.timings.observe_ms == estimate.timings.optimize_ms == 0.0
     assert estimate.state is START and [report.camera for report in estimate.cameras] == list(NAMES)
     assert bench.errors[0].startswith("image set 10: RuntimeError('no good')\nTraceback") and len(bench.errors) == 1
-    assert (bench.counts.failed, bench.counts.lost, bench.counts.tracked) == (1, 1, 1)
+    assert (bench.counts.failed, bench.counts.lost[""], bench.counts.tracked) == (1, 1, 1)
     assert bench.worker.start_state() is None  # it was never tracked
 
 
@@ -152,7 +152,7 @@ def test_after_a_set_that_was_tracked_a_failed_one_is_where_that_left_the_body(b
     bench.step(10, 20)
     first, second = (estimate for estimate, _ in bench.estimates)
     assert second.state is first.state and second.state is not START and bench.worker.start_state() is first.state
-    assert (bench.counts.failed, bench.counts.lost, bench.counts.tracked) == (1, 1, 2)
+    assert (bench.counts.failed, bench.counts.lost[""], bench.counts.tracked) == (1, 1, 2)
 
 
 def test_failures_that_a_user_can_mend_are_one_line(bench):
@@ -171,7 +171,7 @@ def test_what_cannot_be_published_is_counted_and_the_next_is_tracked(bench):
     bench.worker._on_estimate = fail
     bench.step(10, 20)
     assert bench.errors == [f"image set {stamp}: not published: no room" for stamp in (10, 20)]
-    assert (bench.counts.failed, bench.counts.lost, bench.counts.tracked) == (2, 0, 2)
+    assert (bench.counts.failed, bench.counts.lost[""], bench.counts.tracked) == (2, 0, 2)
 
 
 def test_a_set_is_learned_from_once_its_estimate_is_out(bench):
@@ -240,7 +240,7 @@ def test_a_lost_body_is_begun_at_and_not_taken_over(bench):
     new = HeldTracker()
     bench.worker.use(bench.setup(new))
     bench.worker._thread.obey()
-    assert new.told == [bench.estimates[0][0].state.to_values()[-1]] and bench.counts.lost == 1
+    assert new.told == [bench.estimates[0][0].state.to_values()[-1]] and bench.counts.lost[""] == 1
 
 
 def test_a_search_goes_on_with_a_new_tracker(bench):

@@ -106,3 +106,12 @@ def test_points_that_the_detector_lacks_are_not_found_and_others_left_out(late, 
     assert {"left_wrist", "right_wrist", "nose"} <= set(found.names) and not {"tail", "left_paw"} & set(found.names)
     seen = {name for name, score in zip(found.names, found.scores, strict=True) if score > 0.0}
     assert seen == {"left_wrist"} & set(names)
+
+
+def test_points_may_come_for_a_second_after_a_reset_where_some_have_come_before(late):
+    assert not late.may_come(10 * PERIOD_NS)  # nobody knows of a detector
+    late.since(image_set(10, 6))
+    late.reset()
+    assert late.may_come(0)
+    late.add(past(11))
+    assert [late.may_come(round(i * PERIOD_NS)) for i in (12, 40, 42)] == [True, True, False]

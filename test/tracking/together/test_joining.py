@@ -115,6 +115,17 @@ def test_a_body_that_is_lost_is_found_again_where_it_can_be_by_then():
     assert found[15]["person_1"].status is Status.LOST and tracked(found[23]) == {"person_1"} == set(found[23])
 
 
+def test_time_in_which_nobody_was_looked_for_does_not_count():
+    """A search for another body may last: who was LOST before is looked for again before it is said to have left."""
+    bodies = room(gone_s=2.0)
+    shots = [shot(i, -0.9) for i in range(10)] + [shot(i) for i in range(10, 16)]
+    after = 16 + round(17e9 / PERIOD_NS)
+    found = run(bodies, shots + [shot(after)] + [shot(i) for i in range(after + 1, after + 9)])
+    assert found[15]["person_1"].status is Status.LOST and "person_1" in found[-1]
+    run(bodies, [shot(i) for i in range(after + 9, after + 60)])
+    assert "has left" in bodies.absent["person_1"].status_reason
+
+
 @pytest.mark.parametrize("cameras", [(0,), ()])
 def test_nobody_joins_whom_fewer_than_two_cameras_see(cameras):
     assert run(room(), [shot(i, 0.0, cameras=cameras) for i in range(12)])[-1] == {}

@@ -58,9 +58,18 @@ _FILES = ("rig", "model", "initial_state", "occluders", "config")
 def named_options(args: argparse.Namespace) -> dict[str, Any]:
     """The options of a command line by name, files and sources with their whole paths."""
     changed: dict[str, Any] = {name: Path(value) for name in _FILES if (value := getattr(args, name))}
+    if changed.get("model"):
+        changed["model"] = whole_name(args.model)
     if getattr(args, "source", None):
         changed["source"] = [(camera, relocated(source, Path.cwd())) for camera, source in args.source]
     return {name: _plain(value) for name, value in {**vars(args), **changed}.items() if not name.startswith("_")}
+
+
+def whole_name(model: str | Path) -> str:
+    """The whole path of a model's file; a word that names a body of the package stays."""
+    from ...loaders.model.model_yaml import is_named
+
+    return str(model) if is_named(model) else str(Path(model).resolve())
 
 
 def _plain(value: Any) -> Any:

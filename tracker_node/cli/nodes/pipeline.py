@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..arguments.cameras import tracker_name, with_topics
 from ..arguments.recording import add_recording_argument, by_body, evaluation_of, fill_in
-from ..arguments.run_images import named_options, nothing_tracked
+from ..arguments.run_images import named_options, nothing_tracked, whole_name
 from ..arguments.verbs import run_verb
 from .camera_ingest import add_source_arguments, cameras_of, source_options
 from .tracker import add_body_arguments
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     named = tuple(recording.bodies) if recording is not None else ()
     joining = () if recording is None or recording.joining is None else recording.joining.names
     options = PipelineOptions(
-        bodies={} if recording is None else {name: str(Path(file).resolve()) for name, file in recording.models.items()},
+        bodies={} if recording is None else {name: whole_name(file) for name, file in recording.models.items()},
         joining=joining,
         body=[*_body_options(args, list(opened.cameras)), *(["--output", str(folder)] if folder is not None else [])],
         modalities=() if _chosen_by_ros(args) else config.modalities,

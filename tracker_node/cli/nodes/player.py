@@ -21,7 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clock", type=float, default=100.0, metavar="HZ", help="rate of /clock, 0 for none (default 100)")
     parser.add_argument("--wait-for-subscribers", type=int, default=0, metavar="N", help="begin when every topic has N of them")
     parser.add_argument(
-        "--wait-for-node", default="", metavar="NAME", help="begin when this node subscribes to topics of the bag"
+        "--wait-for-node", default="", metavar="NAME",
+        help="begin when this node, such as tracker or /lab/tracker, subscribes to topics of the bag",
     )
     parser.add_argument("--reliable", action="store_true", help="offer reliably what was recorded as best effort, too")
     parser.add_argument("--paused", action="store_true", help="wait for the service ~/pause to let it go")

@@ -48,7 +48,7 @@ class PlayerOptions:
     loop : begin again at the end, for ever.
     clock_hz : rate of ``/clock`` in wall time; 0 for none.
     wait_for_subscribers : begin when every topic of the bag has so many.
-    wait_for_node : begin when the node of this name subscribes to topics of the bag.
+    wait_for_node : begin when the node of this name, such as tracker or /lab/tracker, subscribes to topics of the bag.
     reliable : offer reliably what was recorded as best effort, too.
     paused : wait for the service ``~/pause``.
     """
@@ -218,17 +218,21 @@ class PlayerNode(GuardedNode):
         name, asked = self._how.wait_for_node, time.monotonic()
         taken: set[str] = set()
         while name and not self._stopped.is_set():
-            before, taken = taken, {topic for topic in self._outlets if name in self._subscribers(topic)}
+            subscribers = {topic: self._subscribers(topic) for topic in self._outlets}
+            before, taken = taken, {topic for topic, nodes in subscribers.items() if any(_is_named(node, name) for node in nodes)}
             if taken and taken == before:
                 return True
             if time.monotonic() - asked > 5.0:
                 asked = time.monotonic()
-                self.get_logger().info(f"waiting for the node {name} to subscribe")
+                others = ", ".join(sorted(set().union(*subscribers.values()))) or "nobody"
+                self.get_logger().info(f"waiting for the node {name} to subscribe; so far {others} has")
             self._stopped.wait(_SETTLE_S)
         return not self._stopped.is_set()
 
     def _subscribers(self, topic: str) -> set[str]:
-        return {each.node_name for each in self.get_subscriptions_info_by_topic(self.resolve_topic_name(topic))}
+        """Full names of the nodes."""
+        ends = self.get_subscriptions_info_by_topic(self.resolve_topic_name(topic))
+        return {f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in ends}
 
     def _play(self) -> None:
         """To the end, in a loop if asked for, and wherever somebody seeks."""
@@ -368,3 +372,8 @@ class BagTime:
             left_s = at_most_s if self._paused else (until_ns - self._now_ns()) * 1e-9 / self._rate
             if left_s > 0.0:
                 self._condition.wait(min(left_s, at_most_s))
+
+
+def _is_named(node: str, name: str) -> bool:
+    """Whether the full name of a node is ``name``, or ends with it where that has no slash."""
+    return node == name if "/" in name else node.rpartition("/")[2] == name

@@ -95,7 +95,7 @@ class TrackerDiagnostics:
             if body in absent:
                 self._report_absent(of, estimate.status_reason)
             else:
-                self._report_body(of, estimate, worker.counts)
+                self._report_body(body, of, estimate, worker.counts)
 
     def _report_absent(self, of: str, said: str) -> None:
         """Somebody who has not come, or has left: that is no trouble."""
@@ -104,12 +104,12 @@ class TrackerDiagnostics:
         for part in (part for part in self._limbs_reported if part.startswith(of)):
             self._diagnostics.report(part, OK, said, logged=False)
 
-    def _report_body(self, of: str, estimate: TrackEstimate, counts: WorkerCounts) -> None:
+    def _report_body(self, body: str, of: str, estimate: TrackEstimate, counts: WorkerCounts) -> None:
         self._bodies.add(of)
         values = {
-            "image sets tracked": counts.tracked,
+            "image sets tracked": counts.of_body[body],
             "image sets skipped": counts.skipped,
-            "image sets lost": counts.lost,
+            "image sets lost": counts.lost[body],
             "image sets failed": counts.failed,
             f"residual [{estimate.residual_unit}]": float(estimate.residual),
             "total [ms]": float(estimate.timings.total_ms),
@@ -155,10 +155,10 @@ class TrackerDiagnostics:
             self._report_pause()
         else:
             self._report_times(worker)
-            self._report_unobservable(worker.latest)
+            self._report_unobservable(worker)
 
     def _report_pause(self) -> None:
-        for part in (*(f"{of}status" for of in list(self._bodies) or [""]), "latency", "observability"):
+        for part in ("latency", *(f"{of}{what}" for of in list(self._bodies) or [""] for what in ("status", "observability"))):
             self._diagnostics.report(part, OK, PAUSED)
         for part in list(self._limbs_reported):
             self._diagnostics.report(part, OK, PAUSED, logged=False)
@@ -214,17 +214,19 @@ class TrackerDiagnostics:
             level, said = WARN, "the simulated clock went back"
         self._diagnostics.report("clock", level, said, {"jumps": stamps, "jumps of the simulated clock": clock})
 
-    def _report_unobservable(self, latest: TrackEstimate | None) -> None:
-        """What the latest images do not tell of the body, by name; a warning where it is of the body as a whole."""
-        if latest is None:
-            return
-        if latest.information is None:
-            self._diagnostics.report("observability", OK, "not known: the images have no weight")
-            return
-        names = unobservable(latest.information, self._model)
-        whole = any(map(_of_root, names))
-        values = {f"unobservable {i + 1}": name for i, name in enumerate(names)}
-        self._diagnostics.report("observability", WARN if whole else OK, unobservable_in_short(names), values)
+    def _report_unobservable(self, worker: TrackingWorker) -> None:
+        """What the latest images do not tell of each body, by name; a warning where it is of the body as a whole."""
+        models, absent = worker.models, worker.absent
+        for body, latest in worker.estimates.items():
+            part = f"{body}: observability" if body else "observability"
+            if body in absent or latest.information is None:
+                said = "not here" if body in absent else "not known: the images have no weight"
+                self._diagnostics.report(part, OK, said, logged=False)
+                continue
+            names = unobservable(latest.information, models.get(body, self._model))
+            whole = any(map(_of_root, names))
+            values = {f"unobservable {i + 1}": name for i, name in enumerate(names)}
+            self._diagnostics.report(part, WARN if whole else OK, unobservable_in_short(names), values)
 
 
 def _of_root(name: str) -> bool:

@@ -88,8 +88,9 @@ class TrackerServices:
 
     def _values_now(self, body: str, worker: TrackingWorker):
         own = self._options.each[body]
-        state = worker.start_state(body) or own.initial_state
-        return (state or State.neutral(own.model)).to_values()
+        state = worker.start_state(body) or own.initial_state or State.neutral(own.model)
+        chain = own.model.chain  # what an earlier request has put at a limit is there
+        return State(state.T_world_root, np.clip(state.joint_positions, chain.lower, chain.upper)).to_values()
 
     def _on_set_state(self, body: str, worker: TrackingWorker, request: SetState.Request) -> str:
         model = self._options.each[body].model

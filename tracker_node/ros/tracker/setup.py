@@ -270,7 +270,8 @@ class WorkerCounts:
 
     tracked: int = 0
     skipped: int = 0  # sets not tracked since a newer one was there
-    lost: int = 0
+    of_body: Counter[str] = field(default_factory=Counter)  # body -> sets of those tracked in which it was here
+    lost: Counter[str] = field(default_factory=Counter)  # body -> sets of those in which it was LOST
     failed: int = 0  # sets at which the tracker raised an error
     refused: Counter[str] = field(default_factory=Counter)  # camera -> images that could not be used
     problems: dict[str, str] = field(default_factory=dict)  # camera -> why

@@ -433,7 +433,10 @@ class TrackingWorker:
             estimate = self.latest = next(iter(self.estimates.values()))
         self.step_ms = 1e3 * (time.perf_counter() - began)
         self.counts.tracked += 1
-        self.counts.lost += estimate.status == Status.LOST
+        absent = self.absent
+        for name, of_body in self.estimates.items():
+            self.counts.of_body[name] += name not in absent
+            self.counts.lost[name] += name not in absent and of_body.status == Status.LOST
         try:
             self._on_estimate(estimate, image_set)
         except Exception as error:  # what cannot be reported of one image set does not end the tracking of the next

@@ -47,15 +47,19 @@ class LatePoints:
         self._rig, own = rig, points_of(model, table)[0]
         self._needed = tuple(dict.fromkeys([*own, *map(mirrored_name, own)]))
         self._complete: dict[tuple[str, ...], bool] = {}  # whether these names are all that are needed
+        self._have_come = False  # points of image sets before, ever
         self.reset()
 
     def reset(self) -> None:
         """No image set is kept."""
         self._late = False
+        self._since_ns: int | None = None
         self._kept: deque[PastSet] = deque()
 
     def add(self, past: PastSet) -> None:
         """Keep an image set that has been tracked, after those before it."""
+        if self._since_ns is None:
+            self._since_ns = past.image_set.stamp_ns
         self._late |= any(image.people is None or image.people_stamp_ns is not None for image in past.image_set.images)
         if not self._late:
             return
@@ -63,6 +67,10 @@ class LatePoints:
         newest_ns, size = past.image_set.stamp_ns, sum(_size(each.image_set) for each in self._kept)
         while len(self._kept) > 1 and (size > _MOST_BYTES or newest_ns - self._kept[0].image_set.stamp_ns > 1e9 * MOST_LATE_S):
             size -= _size(self._kept.popleft().image_set)
+
+    def may_come(self, stamp_ns: int) -> bool:
+        """Whether a detector may yet find somebody in the image sets since the last reset: its points come later than they."""
+        return self._have_come and (self._since_ns is None or stamp_ns - self._since_ns < 1e9 * MOST_LATE_S)
 
     def in_time(self, image_set: ImageSet) -> list[People | None]:
         """The people in the images themselves, by camera of the rig; None where no detector has looked, or not at these."""
@@ -83,6 +91,7 @@ class LatePoints:
         the time between two sets.
         """
         late = {image.camera: image for image in image_set.images if image.people_stamp_ns is not None}
+        self._have_come |= bool(late)
         if not late or not self._kept:
             return []
         delays = [image.stamp_ns - (image.people_stamp_ns or 0) for image in late.values()]

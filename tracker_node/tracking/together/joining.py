@@ -25,6 +25,7 @@ _APART_M = 0.5  # of the middle of somebody new from those who are tracked: near
 _STEP_M, _RUN_M_S = 0.5, 5.0  # of one person between two looks, and more by the second...
 _LOOKS_NS = (100_000_000, 1_500_000_000)  # ...which lie so far apart: who is seen once may be a picture on a wall
 _LEAST_POINTS = 16  # of a person that meet in space
+_UNSEEN_NS = 500_000_000  # from one image set to the next, of which no more counts: while a search lasts nobody is looked for
 _NO_SEARCH = 10**9  # image sets
 USUAL = TrackerConfig(modalities=(REGION, KEYPOINTS))  # parameters of people who join, where none are given
 NOBODY_YET = "nobody has come yet"
@@ -89,14 +90,14 @@ class Joining:
         """Nobody has come."""
         self.trackers: dict[str, Tracker] = {}
         self._left: dict[str, tuple[ArticulatedModel, State]] = {}  # by name, and where they were last
-        self._lost_since_ns: dict[str, int] = {}
+        self._lost_ns: dict[str, tuple[int, int]] = {}  # by name, how long somebody has been LOST, until which stamp
         self._looks: list[tuple[int, np.ndarray]] = []  # stamps and places of people who may be new
         self._full = False  # somebody has come for whom no name was left
 
     def keep(self, other: Joining) -> None:
         """Have those who joined another, with new trackers that know nothing yet."""
         self.trackers = {name: self._make(tracker.model, None) for name, tracker in other.trackers.items()}
-        self._left, self._lost_since_ns, self._looks = other._left, other._lost_since_ns, other._looks
+        self._left, self._lost_ns, self._looks = other._left, other._lost_ns, other._looks
         self._full = other._full
 
     @property
@@ -168,11 +169,13 @@ class Joining:
         for name, tracker in list(self.trackers.items()):
             estimate = estimates[name]
             if estimate.status is not Status.LOST:
-                self._lost_since_ns.pop(name, None)
+                self._lost_ns.pop(name, None)
                 continue
-            since_ns = self._lost_since_ns.setdefault(name, estimate.stamp_ns)
-            if estimate.stamp_ns - since_ns >= 1e9 * self._options.gone_s:
-                del self.trackers[name]
+            lost_ns, last_ns = self._lost_ns.get(name, (0, estimate.stamp_ns))
+            lost_ns += min(estimate.stamp_ns - last_ns, _UNSEEN_NS)
+            self._lost_ns[name] = lost_ns, estimate.stamp_ns
+            if lost_ns >= 1e9 * self._options.gone_s:
+                del self.trackers[name], self._lost_ns[name]
                 self._left[name] = tracker.model, estimate.state
 
     @property
